@@ -1,0 +1,30 @@
+"""Discs and threads: inflatable soft robots as recursive CasADi graphs."""
+
+from .actuators import Direct, Regulator
+from .charts import convert
+from .model import Model, build
+from .profile import Profile
+from .result import Run
+from .robot import Chamber, Damping, Disc, Robot, Spring, Thread
+from .scene import Scene, load_scene, scene_names
+from .simulate import simulate
+
+__all__ = [
+    "Chamber",
+    "Damping",
+    "Direct",
+    "Disc",
+    "Model",
+    "Profile",
+    "Regulator",
+    "Robot",
+    "Run",
+    "Scene",
+    "Spring",
+    "Thread",
+    "build",
+    "convert",
+    "load_scene",
+    "scene_names",
+    "simulate",
+]

@@ -1,0 +1,225 @@
+"""The C compiler: finding it, asking what it can do, running it.
+
+A compiler is any command that understands GCC's options (gcc, clang, and their wrappers).
+"""
+
+import errno
+import functools
+import hashlib
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import CompileError
+
+DEFAULT_FLAGS = (
+    "-std=c99",
+    "-O3",
+    "-march=native",
+    # -std=c99 alone would switch fused multiply-add off in GCC.
+    "-ffp-contract=fast",
+    # Neither changes a computed value: nobody reads errno or the floating-point exception flags.
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fPIC",
+    "-shared",
+)
+DEFAULT_TIMEOUT_S = 600.0
+LIBRARY_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+_NATIVE = "-march=native"
+_TELLING = re.compile(r"\berror\b|undefined|cannot find", re.IGNORECASE)
+_SHOWN_ERROR_LINES = 3
+_PROBE_TIMEOUT_S = 30.0
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler that answered when asked for its version.
+
+    Attributes:
+        path: absolute path of the executable.
+        version: first line of its `--version`.
+        arguments: what follows the executable in every call, e.g. ("gcc",) behind ccache.
+    """
+
+    path: str
+    version: str
+    arguments: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """The words that start every call of the compiler."""
+        return (self.path, *self.arguments)
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a compiler builds for on this machine.
+
+    Attributes:
+        flags: the flags it accepts, `-march=native` left out where it is not known.
+        features: digest of the macros it predefines: processor features and C library.
+    """
+
+    flags: tuple[str, ...]
+    features: str
+
+
+def find_compiler() -> Compiler | None:
+    """The compiler named by `DTCASADI_CC`, else by `CC`, else the first of gcc, clang and cc.
+
+    `DTCASADI_CC=none` switches compilation off.
+
+    Returns:
+        The compiler, or None when there is none or it is switched off.
+
+    Raises:
+        CompileError: `DTCASADI_CC` names something that does not answer like a compiler.
+    """
+    search_path = os.environ.get("PATH", os.defpath)
+    choice = os.environ.get("DTCASADI_CC", "").strip()
+    if choice.lower() == "none":
+        return None
+    if choice:
+        compiler = _identify(choice, search_path)
+        if compiler is None:
+            expected = "a C compiler on PATH that answers --version, or none"
+            raise CompileError(f"DTCASADI_CC: expected {expected}, got {choice!r}")
+        return compiler
+    for name in (os.environ.get("CC", ""), "gcc", "clang", "cc"):
+        compiler = _identify(name, search_path)
+        if compiler is not None:
+            return compiler
+    return None
+
+
+def require_compiler() -> Compiler:
+    """The compiler of `find_compiler`.
+
+    Raises:
+        CompileError: there is none, or it is switched off; the text says which.
+    """
+    compiler = find_compiler()
+    if compiler is not None:
+        return compiler
+    if os.environ.get("DTCASADI_CC", "").strip():
+        raise CompileError("compilation is switched off by DTCASADI_CC=none")
+    raise CompileError("no C compiler found: install gcc or clang, or name one in DTCASADI_CC")
+
+
+def build_library(
+    compiler: Compiler, target: Target, source: str, library: Path, timeout_s: float
+) -> None:
+    """Compile C text into a shared library; scratch files go beside it.
+
+    Args:
+        compiler: the compiler to run.
+        target: its flags, from `target_of`.
+        source: C99 text.
+        library: the file to write; its folder is used as scratch space.
+        timeout_s: the compiler is stopped after this long [s].
+
+    Raises:
+        CompileError: the compiler reports an error, is stopped or cannot be run.
+        OSError: the folder is full or not writable.
+    """
+    source_file = library.with_suffix(".c")
+    source_file.write_text(source, encoding="utf-8")
+    command = [*compiler.command, *target.flags, "-o", library.name, source_file.name, "-lm"]
+    code, text = _run(command, timeout_s, folder=library.parent)
+    if "No space left on device" in text:
+        raise OSError(errno.ENOSPC, "No space left on device", str(library.parent))
+    if code != 0 or not library.is_file():
+        raise CompileError(_failure(command, code, text))
+
+
+@functools.cache
+def target_of(compiler: Compiler, flags: tuple[str, ...]) -> Target:
+    """Ask the compiler which of the flags it takes and what they mean on this processor.
+
+    Raises:
+        CompileError: it refuses the flags, or has no C library headers.
+    """
+    command = [*compiler.command, *flags, "-E", "-dM", "-x", "c", "-"]
+    # math.h brings in the C library's version and shows that its headers are there.
+    code, text = _run(command, _PROBE_TIMEOUT_S, stdin="#include <math.h>\n")
+    if code == 0:
+        return Target(flags, hashlib.sha256(text.encode()).hexdigest())
+    if _NATIVE in flags:
+        return target_of(compiler, tuple(flag for flag in flags if flag != _NATIVE))
+    raise CompileError(_failure(command, code, text))
+
+
+@functools.cache
+def _identify(words: str, search_path: str) -> Compiler | None:
+    """The compiler behind a command line as found in `CC`; None where it does not answer."""
+    try:
+        name, *arguments = shlex.split(words)
+    except ValueError:
+        return None
+    path = shutil.which(name, path=search_path)
+    if path is None:
+        return None
+    try:
+        code, text = _run([path, *arguments, "--version"], _PROBE_TIMEOUT_S)
+    except CompileError:
+        return None
+    if code != 0 or not text.strip():
+        return None
+    return Compiler(os.path.abspath(path), text.strip().splitlines()[0].strip(), tuple(arguments))
+
+
+def _run(
+    command: list[str], timeout_s: float, *, stdin: str = "", folder: Path | None = None
+) -> tuple[int, str]:
+    """Exit code and text of a command; never through a shell."""
+    environment = dict(os.environ, LC_ALL="C")
+    if folder is not None:
+        environment["TMPDIR"] = str(folder)
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env=environment,
+            start_new_session=True,
+            encoding="utf-8",
+            errors="replace",
+        )
+    except OSError as error:
+        raise CompileError(f"{command[0]}: cannot be run: {error.strerror}") from error
+    with process:
+        try:
+            text, _ = process.communicate(stdin, timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            _stop(process)
+            late = f"compiler stopped after {timeout_s:g} s\ncommand: {shlex.join(command)}"
+            raise CompileError(late) from None
+        except BaseException:  # an interrupt must not leave the compiler running
+            _stop(process)
+            raise
+    return process.returncode, text
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """End a compiler driver together with the passes it started."""
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _failure(command: list[str], code: int, text: str) -> str:
+    """The message of a failed call: first error lines, then the command."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    errors = [line for line in lines if _TELLING.search(line)] or lines or ["no output"]
+    shown = "\n".join(errors[:_SHOWN_ERROR_LINES])
+    return f"C compiler failed with exit code {code}:\n{shown}\ncommand: {shlex.join(command)}"

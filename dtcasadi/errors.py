@@ -1,0 +1,58 @@
+"""The exception tree: every error a user can cause derives from `DtcasadiError`."""
+
+from collections.abc import Sequence
+
+
+class DtcasadiError(Exception):
+    """Base of all errors raised on purpose; its text is one readable line per fault."""
+
+
+class RobotError(DtcasadiError, ValueError):
+    """A robot field cannot describe a physical body."""
+
+    def __init__(self, field: str, expected: str, got: object):
+        self.field, self.expected, self.got = field, expected, got
+        super().__init__(f"{field}: expected {expected}, got {got}")
+
+    def __reduce__(self) -> tuple:
+        # The default one calls the class with the message alone; worker processes need this.
+        return type(self), (self.field, self.expected, self.got)
+
+
+class ModelError(DtcasadiError, ValueError):
+    """An option, a name or an array handed to a model is not usable."""
+
+
+class ProfileError(ModelError):
+    """A command profile's field is not usable."""
+
+    def __init__(self, field: str, expected: str, got: object):
+        self.field, self.expected, self.got = field, expected, got
+        super().__init__(f"profile.{field}: expected {expected}, got {got}")
+
+    def __reduce__(self) -> tuple:
+        # The default one calls the class with the message alone; worker processes need this.
+        return type(self), (self.field, self.expected, self.got)
+
+
+class ChartError(DtcasadiError, ValueError):
+    """A chart is unknown, or cannot represent the pose or rate asked for."""
+
+
+class SceneError(DtcasadiError, ValueError):
+    """A scene file is wrong; `errors` lists `file: table.key: expected ..., got ...`."""
+
+    def __init__(self, errors: Sequence[str]):
+        self.errors = tuple(errors)
+        super().__init__("\n".join(self.errors))
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self.errors,)
+
+
+class CompileError(DtcasadiError, RuntimeError):
+    """A C compiler failed; the text holds its first error lines and the command."""
+
+
+class SimulationError(DtcasadiError, ValueError):
+    """A simulation was asked for with arguments that cannot be run."""

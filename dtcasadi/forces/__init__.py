@@ -1,0 +1,1 @@
+"""One file per force; each gives wrenches on discs, projected by the same recursion."""

@@ -1,0 +1,79 @@
+"""How far a finished run can be trusted: energy balance and conditioning."""
+
+import numpy as np
+
+from .bound import Bound
+from .compile import twin
+from .integrators.problem import Trajectory
+from .model import Model
+
+SAMPLES = 200
+# Gauss-Legendre, 3 nodes on [0, 1].
+_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+_WEIGHTS = np.array([5, 8, 5]) / 18
+
+
+def samples_of(t: np.ndarray) -> np.ndarray:
+    """Indices of at most `SAMPLES` steps, the first and the last among them."""
+    return np.unique(np.linspace(0, len(t) - 1, min(len(t), SAMPLES)).round().astype(int))
+
+
+def energy_balance(
+    model: Model, trajectory: Trajectory, command: np.ndarray, theta: np.ndarray, at: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Energies and the balance residual at some of the steps.
+
+    residual = (T + V) - (T + V)(0) - supplied + dissipated, the powers integrated over every step
+    by three Gauss nodes on the method's own interpolant. It is zero for exact motion with full
+    velocity terms; with others it shows what they leave out.
+
+    Args:
+        model: the model.
+        trajectory: its motion.
+        command: commands at the Gauss nodes of every step, shape (n_u, 3 (n - 1)).
+        theta: parameters.
+        at: indices of the steps to report.
+
+    Returns:
+        t, kinetic, potential, supplied, dissipated, residual, shape (len(at),) each [s, J].
+    """
+    n = model.n_q
+    power = Bound(twin(model.power))
+    power.inputs.theta[:] = theta
+    nodes = gauss_nodes(trajectory.t)
+    states = trajectory.between(nodes) if len(nodes) else np.zeros((model.n_x, 0))
+    work = np.zeros((2, len(nodes)))
+    for k in range(len(nodes)):
+        power.inputs.x[:], power.inputs.u[:] = states[:, k], command[:, k]
+        power.run()
+        work[:, k] = power.outputs.supplied[0], power.outputs.dissipated[0]
+    steps = np.diff(trajectory.t)
+    shares = (work.reshape(2, -1, 3) @ _WEIGHTS) * steps
+    supplied, dissipated = np.concatenate([np.zeros((2, 1)), np.cumsum(shares, axis=1)], axis=1)
+    x = trajectory.x[:, at]
+    kinetic = np.array(model.kinetic_energy(x[:n], x[n : 2 * n], theta)).ravel()
+    potential = np.array(model.potential_energy(x[:n], theta)).ravel()
+    total = kinetic + potential
+    return {
+        "t": trajectory.t[at],
+        "kinetic": kinetic,
+        "potential": potential,
+        "supplied": supplied[at],
+        "dissipated": dissipated[at],
+        "residual": total - total[0] - supplied[at] + dissipated[at],
+    }
+
+
+def gauss_nodes(t: np.ndarray) -> np.ndarray:
+    """Three Gauss times in each step, shape (3 (n - 1),)."""
+    return (t[:-1, np.newaxis] + np.diff(t)[:, np.newaxis] * _NODES).ravel()
+
+
+def conditions(model: Model, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Condition number of M in the 2-norm at each column of q, shape (m,)."""
+    values = []
+    for column in q.T:
+        singular = np.linalg.svd(np.array(model.mass_matrix(column, theta)), compute_uv=False)
+        with np.errstate(divide="ignore"):
+            values.append(singular[0] / singular[-1])
+    return np.array(values)

@@ -1,0 +1,59 @@
+"""Dense symmetric positive definite solves inside graphs."""
+
+import re
+from functools import cache
+from importlib.resources import files
+
+import casadi as ca
+
+from .kernels.axes import ldl, ldl_solve
+
+# Unrolled up to this size; beyond it the C code of an unrolled solve outgrows its gain in speed.
+UNROLLED = 8
+
+
+def solve_spd(matrix: ca.SX | ca.MX, rhs: ca.SX | ca.MX, *, native: bool) -> ca.SX | ca.MX:
+    """X with matrix X = rhs, matrix (n, n) symmetric positive definite.
+
+    SX is unrolled. MX calls CasADi's LDL^T solver, or with `native` the C kernel
+    `native/solve_spd.c`, which only generated code can run.
+    """
+    n, m = matrix.shape[0], rhs.shape[1]
+    if n == 0 or m == 0:
+        return rhs
+    if isinstance(matrix, ca.SX):
+        return ldl_solve(ldl(matrix), rhs)
+    rhs = ca.densify(rhs)
+    if not native:
+        return ca.solve(matrix, rhs, "ldl")
+    sizes = {"A": (n, n), "B": (n, m), "X": (n, m)}
+    return native_function("solve_spd", ("A", "B"), ("X",), sizes, N=n, M=m)(matrix, rhs)
+
+
+def native_function(
+    name: str,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    sizes: dict[str, tuple[int, int]],
+    **constants: int,
+) -> ca.Function:
+    """A hand-written C kernel as a Function whose body code generation embeds.
+
+    Args:
+        name: file in `dtcasadi/native` without its ending; it uses the ports as arrays.
+        inputs: names of the input ports.
+        outputs: names of the output ports.
+        sizes: shape of every port.
+        constants: integers the file names by capital letters.
+    """
+    body = _source(name)
+    for symbol, value in constants.items():
+        body = re.sub(rf"\b{symbol}\b", str(value), body)
+    shapes = [[ca.Sparsity.dense(*sizes[port]) for port in ports] for ports in (inputs, outputs)]
+    label = "_".join([name, *map(str, constants.values())])
+    return ca.Function.jit(label, body, list(inputs), list(outputs), *shapes)
+
+
+@cache
+def _source(name: str) -> str:
+    return (files(__package__) / "native" / f"{name}.c").read_text(encoding="utf-8")

@@ -1,0 +1,263 @@
+"""The model of a robot: named CasADi Functions, their compiled twins, and its parameters."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from . import functions, jacobians
+from .actuators import Actuator, actuator_of
+from .bound import Bound
+from .charts import Chart, charts_of
+from .checks import shown
+from .compile import twin
+from .errors import ModelError
+from .graphs import Graphs, Options
+from .numbers import theta_layout
+from .robot import Robot
+
+# Above this number of discs a call graph compiles faster than it runs slower;
+# benchmarks/results/compile_size.md has the figures behind it.
+FLAT_UP_TO = 8
+
+
+_BUILDERS = {
+    name: getattr(functions, name)
+    for name in (
+        "mass_matrix",
+        "coriolis",
+        "gravity",
+        "spring",
+        "damping",
+        "inflation",
+        "forward_dynamics",
+        "inverse_dynamics",
+        "thread_tension",
+        "poses",
+        "angular_jacobians",
+        "kinetic_energy",
+        "potential_energy",
+        "momenta",
+        "lagrangian_gradient",
+        "canonical_ode",
+        "ode",
+        "power",
+    )
+} | {
+    name: getattr(jacobians, name)
+    for name in ("inverse_dynamics_jacobian", "forward_dynamics_jacobian", "ode_jacobian")
+}
+# Ports that stay matrices even with one column.
+_MATRICES = frozenset(
+    "M R r J dtau_dq dtau_dqd F_x F_u dqdd_dq dqdd_dqd dqdd_dpressure dqdd_dtau".split()
+)
+
+
+class _Graph:
+    """A Function of the model, built on first use."""
+
+    def __init__(self, doc: str):
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, model: "Model | None", owner: type) -> Any:
+        """The CasADi Function (or this descriptor from the class, for its documentation)."""
+        return self if model is None else model.function(self._name)
+
+
+class Model:
+    """A robot's equations of motion as named CasADi Functions.
+
+        M(q) qdd + coriolis(q, qd) + gravity(q) + spring(q) + damping(q, qd)
+            = inflation(q, pressure) + tau
+
+    Every Function is symbolic (DM, SX or MX, positional or by keyword, differentiable) and has
+    `theta` as its last port; `model.theta0` holds the robot's own numbers. `compiled(name)` gives
+    its C twin. Made by `dtcasadi.build`; immutable.
+
+    Attributes:
+        robot: the robot it was built from.
+        options: what it was built with.
+        n_q: number of generalized coordinates.
+        n_x: number of states, x = [q; qd; actuator states].
+        n_u: number of commands, one per chamber.
+        theta0: parameters as the robot has them, shape (n_theta,).
+        theta_blocks: name of each block of theta -> its slice.
+        state_names: one name per state.
+    """
+
+    mass_matrix = _Graph("M(q, theta), shape (n_q, n_q), eq (6).")
+    coriolis = _Graph("Velocity terms (q, qd, theta), shape (n_q,) [N m], by `velocity_terms`.")
+    gravity = _Graph("dV_gravity/dq (q, theta), shape (n_q,) [N m].")
+    spring = _Graph("dV_spring/dq (q, theta), shape (n_q,) [N m], eq (5).")
+    damping = _Graph("Damping (q, qd, theta) on the left side, shape (n_q,) [N m].")
+    inflation = _Graph("Q (q, pressure, theta) of the chambers, shape (n_q,) [N m], III-C.")
+    forward_dynamics = _Graph("qdd (q, qd, pressure, tau, theta), shape (n_q,) [rad/s^2].")
+    inverse_dynamics = _Graph("tau (q, qd, qdd, pressure, theta), shape (n_q,) [N m].")
+    thread_tension = _Graph("Tensions (q, qd, pressure, tau, theta), shape (n_discs - 1,) [N].")
+    poses = _Graph("R (3, 3 n_discs) and r (3, n_discs) [m] in the root frame (q, theta).")
+    angular_jacobians = _Graph("Table I (q, theta): d omega_i / d qd, disc frames, stacked.")
+    kinetic_energy = _Graph("T (q, qd, theta) [J].")
+    potential_energy = _Graph("V (q, theta) of gravity and springs [J].")
+    momenta = _Graph("Canonical momenta p = M qd (q, qd, theta), shape (n_q,), eq (7).")
+    lagrangian_gradient = _Graph("dL/dq (q, qd, theta) at fixed qd, shape (n_q,) [N m], eq (7).")
+    canonical_ode = _Graph("Eq (7): qd and pd (q, p, pressure, tau, theta).")
+    ode = _Graph("State equation xdot (x, u, theta), shape (n_x,).")
+    power = _Graph("supplied (pressure, loads) and dissipated power (x, u, theta) [W].")
+    ode_jacobian = _Graph("xdot, F_x, F_u (x, u, theta) of the state equation, exact.")
+    inverse_dynamics_jacobian = _Graph("d tau/d q and d tau/d qd (q, qd, qdd, pressure, theta).")
+    forward_dynamics_jacobian = _Graph("qdd and its derivatives (q, qd, pressure, tau, theta).")
+
+    def __init__(self, robot: Robot, options: Options):
+        self.robot, self.options = robot, options
+        frames = _recentring_segments(options)
+        theta = theta_layout(robot, frames, options.wrenches, options.parameters)
+        self.theta0, self.theta_blocks = theta.values, dict(theta.blocks)
+        self.n_q = sum(chart.words.n_q for chart in options.charts)
+        self.n_u = len(robot.chambers)
+        actuator = options.actuator.state_names(self.n_u)
+        self.n_x = 2 * self.n_q + len(actuator)
+        self.coordinate_names = tuple(
+            f"{name}_{i}"
+            for i, chart in enumerate(options.charts, 1)
+            for name in chart.coordinate_names
+        )
+        rates = tuple(f"{name}_rate" for name in self.coordinate_names)
+        self.state_names = self.coordinate_names + rates + actuator
+        self._graphs = Graphs(robot, options, theta)
+        self._native = Graphs(robot, options, theta, native=True)
+        self._functions: dict[str, ca.Function] = {}
+        self._compiled: dict[str, ca.Function] = {}
+
+    @property
+    def n_discs(self) -> int:
+        """Number of discs, the root included."""
+        return self.robot.n_discs
+
+    @property
+    def charts(self) -> tuple[Chart, ...]:
+        """The chart of each segment."""
+        return self.options.charts
+
+    @property
+    def actuator(self) -> Actuator:
+        """How commands become pressures."""
+        return self.options.actuator
+
+    def pressure_of(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Chamber pressures at states (n_x, n) and commands (n_u, n), shape (n_u, n) [Pa]."""
+        states = x[2 * self.n_q :]
+        columns = [
+            np.array(ca.DM(self.actuator.pressure(ca.DM(states[:, k]), ca.DM(u[:, k])))).ravel()
+            for k in range(u.shape[1])
+        ]
+        return np.array(columns).reshape(u.shape[1], self.n_u).T
+
+    def function(self, name: str) -> ca.Function:
+        """The symbolic Function of a name.
+
+        Raises:
+            ModelError: unknown name.
+        """
+        if name not in _BUILDERS:
+            raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
+        if name not in self._functions:
+            self._functions[name] = _BUILDERS[name](self._graphs)
+        return self._functions[name]
+
+    def compiled(self, name: str) -> Bound:
+        """The C twin of a Function as a call on arrays, compiled on first use and cached.
+
+        Each call of `compiled` returns a new `Bound` with its own buffers: take one per thread.
+        Without a C compiler it runs in CasADi's virtual machine and says so once.
+
+        Raises:
+            ModelError: unknown name.
+        """
+        if name not in self._compiled:
+            function = self.function(name)
+            self._compiled[name] = twin(function, source=_BUILDERS[name](self._native))
+        function = self._compiled[name]
+        ports = _MATRICES.intersection(function.name_out())
+        return Bound(function, matrices=ports, name=name)
+
+    def __repr__(self) -> str:
+        """Size and options on one line."""
+        charts = sorted({chart.name for chart in self.charts})
+        return f"Model({self.n_discs} discs, {'/'.join(charts)}, n_q={self.n_q}, n_x={self.n_x})"
+
+
+def _recentring_segments(options: Options) -> tuple[int, ...]:
+    """Segments whose A and B are parameters; the paper's damping ties a model to its chart."""
+    if options.damping != "physical":
+        return ()
+    return tuple(i for i, chart in enumerate(options.charts) if chart.recentres)
+
+
+def build(
+    robot: Robot,
+    *,
+    chart: str | Sequence[str] = "cardan",
+    velocity_terms: str = "full",
+    damping: str = "physical",
+    inflation: str = "last_disc",
+    actuator: str | Actuator = "direct",
+    parameters: Sequence[str] = (),
+    wrenches: Sequence[int] = (),
+    assembly: str = "auto",
+) -> Model:
+    """Build the model of a robot.
+
+    Args:
+        robot: the robot.
+        chart: `cardan`, `paper`, `planar`, `hinge`, `ball`, `rigid`, or a list, one per segment.
+        velocity_terms: `full`; `paper` (eq (7) without 1/2 qd^T (dM/dq) qd); `none`.
+        damping: `physical` (independent of the chart) or `coordinate` (the paper's b = c_a on every
+            coordinate rate).
+        inflation: `last_disc` (III-C).
+        actuator: `direct`, `regulator` or an actuator value; see `dtcasadi.actuators`.
+        parameters: robot fields to leave free in theta, for example `springs.stiffness`.
+        wrenches: numbers of discs that carry a free external load in the root frame, theta block
+            `wrench` ([force; moment about the disc's origin] each) [N, N m].
+        assembly: `flat` (one SX graph), `graph` (calls of per-segment Functions), `auto` (by size).
+
+    Returns:
+        The model.
+
+    Raises:
+        ModelError: an option is unknown; the text says what is valid.
+        ChartError: an unknown chart.
+    """
+    if not isinstance(robot, Robot):
+        raise ModelError(f"robot: expected a Robot, got {shown(robot)}")
+    _choice("velocity_terms", velocity_terms, ("full", "paper", "none"))
+    _choice("damping", damping, ("physical", "coordinate"))
+    _choice("inflation", inflation, ("last_disc",))
+    _choice("assembly", assembly, ("auto", "flat", "graph"))
+    if assembly == "auto":
+        assembly = "flat" if robot.n_discs <= FLAT_UP_TO else "graph"
+    discs = tuple(wrenches)
+    for disc in discs:
+        if isinstance(disc, bool) or disc not in range(2, robot.n_discs + 1):
+            raise ModelError(f"wrenches: expected discs from 2 to {robot.n_discs}, got {disc!r}")
+    if len(set(discs)) != len(discs):
+        raise ModelError(f"wrenches: expected each disc once, got {discs}")
+    options = Options(
+        charts=charts_of(chart, robot.n_discs - 1),
+        velocity_terms=velocity_terms,
+        damping=damping,
+        inflation=inflation,
+        actuator=actuator_of(actuator),
+        parameters=tuple([parameters] if isinstance(parameters, str) else parameters),
+        wrenches=discs,
+        assembly=assembly,
+    )
+    return Model(robot, options)
+
+
+def _choice(name: str, value: object, valid: tuple[str, ...]) -> None:
+    if value not in valid:
+        raise ModelError(f"{name}: expected one of {', '.join(valid)}, got {value!r}")

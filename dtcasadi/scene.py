@@ -1,0 +1,257 @@
+r"""Scenes: a robot, how to model it, where it starts, its pressure and how long to run, as TOML.
+
+Format, schema 1
+----------------
+Numbers are in SI units; a suffix of the key names another unit (never both of `radius` and
+`radius_mm`): _mm _cm, _g, _deg, _ms, _mm2 _cm2, _g_mm2 _kg_mm2, _kpa _bar, _kpa_per_s _bar_per_s,
+_deg_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s. Keys marked * may be left out. `n` is the number of
+discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they belong to.
+
+    schema = 1
+    name *, title *             default: the file's name
+
+    [robot]
+    up * = [0, 1, 0]            direction against gravity in the root's frame
+    gravity * = 9.81            [m/s^2]
+
+    [[robot.discs]]             in order; count * = 3 repeats a disc
+    shape = "hoop"|"solid"      mass, radius; joined at the rim, centre at radius * y
+    shape = "polygon"           mass, vertices = [[x, y], ...] of a uniform plate
+    shape = "custom"            mass, inertia (3 x 3, about the centre of mass), centre_of_mass *,
+                                area *, centroid * (of the pressure), outline * = [[x, y, z], ...]
+
+    [[robot.threads]]           n - 1, in order; count * as above
+    length, exit_point *
+    bend *, twist *             rest rotations Rx(a) Ry(b) Rz(c) from the angles [a, b, c]
+
+    [[robot.springs]] *
+    discs = [i, i + 1] | "all"  "all": the same springs between every pair of neighbours
+    at_deg = [90, 180, 270]     a spring at each of these angles, on both rims; or
+    start_at_deg, end_at_deg    lists of the angles on disc i and disc i + 1 (diagonal springs); or
+    start, end                  two points
+    radius *                    of the circle the angles run along; default: the disc's
+    stiffness [N/m], rest_length * (default: no force at rest), damping * [N s/m]
+
+    [[robot.chambers]] *        one entry of the pressure for each
+    discs = [first, last] | "all"
+    areas *, centroids *        on each disc from first to last; default: the discs' own
+
+    [robot.damping] *           c_a *, c_b *, c_w *, c_r * [N m s/rad] of every segment, or
+    [[robot.damping]]           n - 1 tables, count * as above
+
+    [model] *                   options of `dtcasadi.build`
+    chart * = "cardan"          or a list of n - 1
+    velocity_terms *, damping *, inflation *
+    actuator * = "direct" | "regulator", or a table [model.actuator] with kind = "regulator",
+                                time_constant *, minimum *, maximum * [Pa], rate_limit * [Pa/s]
+
+    [initial] *                 default: all zero
+    chart *                     of the pose given here; default: the model's
+    q *, qd *                   lists, or
+    beta = [0.1, 0.01, 0.01]    coordinates by their names in the chart, a number for each segment
+    pressure *                  command the actuator has settled at; default: the one at t = 0
+
+    [pressure] *                default: zero
+    value                       a number for each chamber; or
+    times, values, kind * = "step" | "linear"      values: a list of numbers, or of such lists
+
+    [run]
+    t_end, rtol * = 1e-6, atol * = 1e-8, method * = "auto", step * [s]
+
+Where a list with a number for each segment or chamber is asked for, one number stands for all. The
+angle of a rim point runs from the thread counterclockwise as seen from +z (`presets.rim`).
+
+An error names a part by its number, as everywhere in the package: `robot.discs[4].mass` is disc 4,
+whichever table it comes from. Springs are numbered by their tables.
+"""
+
+import difflib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import checks
+from .charts import charts_of, convert
+from .errors import SceneError
+from .profile import Profile
+from .robot import Robot
+from .scene_file import MAX_BYTES, is_name, read_scene
+from .scene_settings import DEFAULT_CHART
+from .scene_tables import printable
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything one simulation needs.
+
+    Attributes:
+        name: lower-case words joined by underscores.
+        robot: the robot.
+        q0: initial coordinates in `initial_chart`, shape (n_q,) [rad].
+        qd0: their rates, shape (n_q,) [rad/s].
+        pressure: command against time, one entry for each chamber [Pa].
+        t_end: duration [s].
+        title: one line for people; default: the name.
+        options: keyword arguments of `dtcasadi.build`.
+        initial_chart: chart of q0, or one for each segment; default: the options'.
+        initial_pressure: command at which the actuator has settled at the start, shape (n_u,)
+            [Pa]; default: the pressure at t = 0.
+        rtol: relative tolerance of the integration.
+        atol: absolute tolerance of the integration.
+        method: integration method.
+        step_s: step of a fixed-step method [s]; default: the method's choice.
+
+    Raises:
+        SceneError: naming the field, what was expected and what was given.
+        ChartError: an unknown chart, or charts for another number of segments.
+    """
+
+    name: str
+    robot: Robot
+    q0: np.ndarray
+    qd0: np.ndarray
+    pressure: Profile
+    t_end: float
+    title: str = ""
+    options: dict[str, Any] = field(default_factory=dict)
+    initial_chart: str | Sequence[str] | None = None
+    initial_pressure: np.ndarray | None = None
+    rtol: float = 1e-6
+    atol: float = 1e-8
+    method: str = "auto"
+    step_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if not isinstance(self.name, str) or not is_name(self.name):
+            raise _error("name", "lower-case words joined by _", checks.shown(self.name))
+        for key, kind in (("robot", Robot), ("pressure", Profile), ("options", dict)):
+            if not isinstance(getattr(self, key), kind):
+                raise _error(key, f"a {kind.__name__}", checks.shown(getattr(self, key)))
+        n_u = len(self.robot.chambers)
+        if self.pressure.n_u != n_u:
+            raise _error("pressure", f"{n_u} commands, one for each chamber", self.pressure.n_u)
+        chart = self.options.get("chart", DEFAULT_CHART)
+        chart = chart if self.initial_chart is None else self.initial_chart
+        charts = charts_of(chart, self.robot.n_discs - 1)
+        n_q = sum(chart.words.n_q for chart in charts)
+        values: dict[str, Any] = {
+            "title": self.title or self.name,
+            "options": dict(self.options),
+            "initial_chart": tuple(chart.name for chart in charts),
+            "q0": checks.array("q0", self.q0, (n_q,), error=_error),
+            "qd0": checks.array("qd0", self.qd0, (n_q,), error=_error),
+        }
+        for key in ("t_end", "rtol", "atol"):
+            values[key] = checks.number(key, getattr(self, key), positive=True, error=_error)
+        if self.step_s is not None:
+            values["step_s"] = checks.number("step_s", self.step_s, positive=True, error=_error)
+        if self.initial_pressure is not None:
+            given = checks.array("initial_pressure", self.initial_pressure, (n_u,), error=_error)
+            values["initial_pressure"] = given
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    def build(self, **overrides: Any) -> "Model":
+        """The scene's model: `dtcasadi.build` with the scene's options, some of them replaced."""
+        from .model import build
+
+        return build(self.robot, **{**self.options, **overrides})
+
+    def x0(self, model: "Model") -> np.ndarray:
+        """Initial state x = [q; qd; actuator states] of a model of the scene's robot, shape (n_x,).
+
+        The pose is converted where the model's chart is another one than the scene's.
+
+        Raises:
+            ChartError: the model's chart cannot represent the pose or its rates.
+        """
+        q, qd = self.q0, self.qd0
+        charts = tuple(chart.name for chart in model.charts)
+        if charts != self.initial_chart:
+            q, qd = convert(self.robot, q, qd, self.initial_chart or charts, charts)
+        command = self.pressure(0.0) if self.initial_pressure is None else self.initial_pressure
+        return np.concatenate([q, qd, model.actuator.rest_state(command)])
+
+
+def scene_names() -> tuple[str, ...]:
+    """Names of the scenes that come with the package, sorted."""
+    files = resources.files(__package__).joinpath("scenes").iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+def load_scene(path_or_name: str | os.PathLike[str]) -> Scene:
+    """A scene from a TOML file, or one that comes with the package.
+
+    Args:
+        path_or_name: a path, or a name of `scene_names()`. A string is a name if it consists of
+            lower-case words joined by underscores: write `./scene` for a file called `scene`.
+
+    Raises:
+        SceneError: the file cannot be read or is wrong; a line for each error,
+            `file: table.key: expected ..., got ...`.
+    """
+    if isinstance(path_or_name, str) and is_name(path_or_name):
+        return _shipped(path_or_name)
+    path = os.fspath(path_or_name) if isinstance(path_or_name, str | os.PathLike) else None
+    if not isinstance(path, str):
+        expected = "a path to a scene file or the name of a scene"
+        raise SceneError([f"scene: expected {expected}, got {checks.shown(path_or_name)}"])
+    source = printable(path)
+    data = _bytes_of(path, source)
+    words = "".join(c if c.isascii() and c.isalnum() else " " for c in Path(path).stem)
+    name = "_".join(words.lower().split())
+    return parse_scene(data, source, name if is_name(name) else "scene")
+
+
+def parse_scene(data: bytes, source: str = "scene", name: str = "scene") -> Scene:
+    """A scene from the bytes of a TOML file.
+
+    Args:
+        data: the file's content.
+        source: what errors call the file.
+        name: the scene's name where the file gives none.
+
+    Raises:
+        SceneError: a line for each error.
+    """
+    return Scene(**read_scene(data, source, name))
+
+
+def _shipped(name: str) -> Scene:
+    if name not in scene_names():
+        near = difflib.get_close_matches(name, scene_names(), 1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        names = ", ".join(scene_names())
+        expected = f"a path such as ./{name}.toml, or one of {names}{hint}"
+        raise SceneError([f"scene: expected {expected}, got {name!r}"])
+    file = resources.files(__package__).joinpath("scenes", f"{name}.toml")
+    return parse_scene(file.read_bytes(), f"{name}.toml", name)
+
+
+def _bytes_of(path: str, source: str) -> bytes:
+    """A file's content, no more than needed to see that it is too large."""
+    try:
+        # A pipe or a device would wait, or never end.
+        if Path(path).exists() and not Path(path).is_file():
+            reason = "a folder or a device"
+        else:
+            with open(path, "rb") as file:
+                return file.read(MAX_BYTES + 1)
+    except OSError as error:
+        reason = (error.strerror or "an error").lower()
+    except ValueError:  # a zero byte or a lone surrogate
+        reason = "a path that no file can have"
+    raise SceneError([f"{source}: expected a readable scene file, got {printable(reason)}"])
+
+
+def _error(name: str, expected: str, got: object) -> SceneError:
+    return SceneError([f"scene.{name}: expected {expected}, got {got}"])

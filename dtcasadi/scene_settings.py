@@ -1,0 +1,166 @@
+"""The tables of a scene file beside `[robot]`; their keys are listed in `dtcasadi.scene`."""
+
+from typing import Any
+
+import numpy as np
+
+from . import checks
+from .actuators import Regulator
+from .charts import CHARTS, Chart, charts_of
+from .profile import Profile
+from .scene_tables import Table, given, one_of
+from .scene_units import ANGLE, ANGLE_RATE, PRESSURE, PRESSURE_RATE, TIME
+
+Charts = tuple[Chart, ...] | None  # None: faults hide them
+DEFAULT_CHART = "cardan"
+_COORDINATES = tuple(dict.fromkeys(n for c in CHARTS.values() for n in c.coordinate_names))
+_NO_CHAMBERS = "no pressure for a robot without chambers"
+_METHOD = "the name of an integration method"
+
+
+def read_model(table: Table, n_segments: int | None) -> tuple[dict[str, Any], Charts]:
+    """Options of `dtcasadi.build`, those that `[model]` gives, and the charts."""
+    options: dict[str, Any] = {"chart": DEFAULT_CHART}
+    charts = _read_chart(table, n_segments, options)
+    for key, choices in {
+        "velocity_terms": ("full", "paper", "none"),
+        "damping": ("physical", "coordinate"),
+        "inflation": ("last_disc", "volume"),
+    }.items():
+        options |= given({key: table.choice(key, choices, default=None)})
+    options |= given({"actuator": _read_actuator(table)})
+    table.close()
+    return options, charts
+
+
+def read_initial(
+    table: Table, n_segments: int | None, charts: Charts, n_chambers: int | None
+) -> dict[str, Any]:
+    """Fields of `Scene` from `[initial]`; `charts` are the model's."""
+    own: dict[str, Any] = {}
+    if table.take("chart", "", default=None):
+        charts = _read_chart(table, n_segments, own)
+    n_q = None if charts is None else sum(chart.words.n_q for chart in charts)
+    still = np.zeros(n_q or 0)
+    named = _read_named(table, charts)
+    if named is not None and table.holds("q", ANGLE):
+        table.fault("q", "either q or named coordinates", "both")
+    q = table.array("q", (n_q,), ANGLE, default=still)
+    qd = table.array("qd", (n_q,), ANGLE_RATE, default=still)
+    fields = {
+        "q0": q if named is None else named,
+        "qd0": qd,
+        "initial_chart": own.get("chart"),
+        "initial_pressure": table.row("pressure", n_chambers, PRESSURE, default=None),
+    }
+    if n_chambers == 0 and table.holds("pressure", PRESSURE):
+        table.fault("pressure", _NO_CHAMBERS, "one")
+    table.close()
+    return given(fields)
+
+
+def read_pressure(table: Table | None, n_chambers: int | None) -> Profile | None:
+    """The command of `[pressure]`; zero where there is none."""
+    if table is None:
+        return Profile.constant(np.zeros(n_chambers or 0))
+    if n_chambers == 0:
+        table.fault("", _NO_CHAMBERS, "one")
+        return None
+    if not table.holds("times", TIME) and not table.holds("values", PRESSURE):
+        value = table.row("value", n_chambers, PRESSURE)
+        for key, unit in (("times", TIME), ("values", PRESSURE)):
+            table.take(key, "", unit, default=None)
+        table.close()
+        return table.make(Profile.constant, value)
+    times = table.array("times", (None,), TIME)
+    raw = table.peek("values", PRESSURE)
+    nested = isinstance(raw, list) and any(isinstance(entry, list) for entry in raw)
+    values = table.array("values", (None, n_chambers) if nested else (None,), PRESSURE)
+    kind = table.choice("kind", ("step", "linear"), default="step")
+    table.close()
+    if not nested:
+        values = np.repeat(values[:, np.newaxis], n_chambers or 1, axis=1)
+    return table.make(Profile, times, values, kind)
+
+
+def read_run(table: Table) -> dict[str, Any]:
+    """Fields of `Scene` from `[run]`."""
+    fields = {
+        "t_end": table.number("t_end", TIME, positive=True),
+        "rtol": table.number("rtol", default=None, positive=True),
+        "atol": table.number("atol", default=None, positive=True),
+        "step_s": table.number("step", TIME, default=None, positive=True),
+        "method": table.text("method", _METHOD, _is_method_name, default=None),
+    }
+    if fields["rtol"] is not None and fields["rtol"] >= 1:
+        table.fault("rtol", "a number below 1", fields["rtol"])
+    table.close()
+    return given(fields)
+
+
+def _read_chart(table: Table, n_segments: int | None, options: dict[str, Any]) -> Charts:
+    """The chart of each segment; the key as given goes into the options."""
+    expected = f"{one_of(CHARTS)}, or a list of them"
+    found = table.take("chart", expected, default=None)
+    value = options.get("chart", DEFAULT_CHART) if found is None else found[0]
+    names = value if isinstance(value, list) else [value]
+    if any(not isinstance(name, str) or name not in CHARTS for name in names):
+        table.fault("chart", expected, checks.shown(value))
+        return None
+    if n_segments is None:
+        return None
+    if isinstance(value, list) and len(value) != n_segments:
+        table.fault("chart", f"1 or {n_segments} names", len(value))
+        return None
+    options["chart"] = tuple(value) if isinstance(value, list) else value
+    return charts_of(options["chart"], n_segments)
+
+
+def _read_actuator(table: Table) -> Any:
+    """A name, or the `Regulator` of a `[model.actuator]` table; None where there is none."""
+    kinds = ("direct", "regulator")
+    if not isinstance(table.peek("actuator"), dict):
+        return table.choice("actuator", kinds, default=None)
+    part = table.table("actuator")
+    assert part is not None
+    kind = part.choice("kind", kinds)
+    if kind != "regulator":
+        if kind == "direct":
+            part.close()
+        return kind
+    fields = given(
+        {
+            "time_constant": part.number("time_constant", TIME, default=None, positive=True),
+            "minimum": part.number("minimum", PRESSURE, default=None),
+            "maximum": part.number("maximum", PRESSURE, default=None),
+            "rate_limit": part.number("rate_limit", PRESSURE_RATE, default=None, positive=True),
+        }
+    )
+    lowest = fields.get("minimum", Regulator.minimum)
+    if fields.get("maximum", Regulator.maximum) <= lowest:
+        part.fault("maximum", f"a pressure above the minimum of {lowest:g} Pa", fields["maximum"])
+    part.close()
+    return part.make(Regulator, **fields)
+
+
+def _read_named(table: Table, charts: Charts) -> np.ndarray | None:
+    """The pose from coordinates given by name, the others zero; None if none is given."""
+    held = [name for name in _COORDINATES if table.holds(name, ANGLE)]
+    common = [n for n in _COORDINATES if charts and all(n in c.coordinate_names for c in charts)]
+    for name in [name for name in held if name not in common]:
+        table.take(name, "", ANGLE, default=None)
+        if charts is not None:
+            kinds = one_of(dict.fromkeys(chart.name for chart in charts))
+            table.fault(name, f"a coordinate of every segment (chart {kinds})", "another one")
+    if charts is None:
+        return None
+    still = np.zeros(len(charts))
+    angles = {name: table.row(name, len(charts), ANGLE, default=still) for name in common}
+    if not held or not table.sound:
+        return None
+    names = [(i, name) for i, chart in enumerate(charts) for name in chart.coordinate_names]
+    return np.array([angles.get(name, still)[i] for i, name in names])
+
+
+def _is_method_name(text: str) -> bool:
+    return text.isascii() and text.isidentifier() and len(text) <= 60

@@ -1,0 +1,144 @@
+"""Run a model in time."""
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from tqdm import tqdm
+
+from . import checks
+from .commands import CommandLike, command_pieces, sampled
+from .errors import SimulationError
+from .health import conditions, energy_balance, gauss_nodes, samples_of
+from .integrators import METHODS, Problem
+from .model import Model
+from .result import Run
+from .scene import Scene
+
+_AUTO = "LSODA"
+# A progress bar appears on a terminal when the run takes longer than this [s].
+_PATIENCE_S = 1.0
+
+
+def simulate(
+    subject: Scene | Model,
+    x0: Sequence[float] | np.ndarray | None = None,
+    *,
+    pressure: CommandLike | None = None,
+    u: CommandLike | None = None,
+    t_end: float | None = None,
+    theta: np.ndarray | None = None,
+    method: str | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    step_s: float | None = None,
+) -> Run:
+    """Integrate the state equation from t = 0 to t_end.
+
+    Args:
+        subject: a scene, whose own settings hold where an argument is left out, or a model.
+        x0: initial state [q; qd; actuator states], shape (n_x,).
+        pressure: command of `direct` and `regulator` actuators [Pa]: a number for all chambers,
+            one per chamber, a `Profile` (its breakpoints are step boundaries), or a function of t.
+        u: command of any other actuator, in the same forms.
+        t_end: duration [s].
+        theta: parameters, shape (n_theta,); default: the robot's own.
+        method: a name of `dtcasadi.integrators.METHODS`, or `auto`.
+        rtol: relative tolerance of the local error; default 1e-6.
+        atol: absolute tolerance; default 1e-8.
+        step_s: step of a fixed-step method [s].
+
+    Returns:
+        The run. A numerical failure is a run with `success` False, the states up to the last good
+        one and a sentence.
+
+    Raises:
+        SimulationError: an argument cannot be used; the text says what was expected.
+    """
+    scene = subject if isinstance(subject, Scene) else None
+    model = scene.build() if scene else subject
+    if not isinstance(model, Model):
+        raise SimulationError(f"expected a Scene or a Model, got {checks.shown(subject)}")
+    if x0 is None:
+        if scene is None:
+            raise SimulationError("x0: expected the initial state of the model, got None")
+        x0 = scene.x0(model)
+    if pressure is not None and u is not None:
+        raise SimulationError("expected either pressure or u, got both")
+    given = pressure if u is None else u
+    if given is None:
+        given = scene.pressure if scene else 0.0
+    defaults = (scene.rtol, scene.atol, scene.t_end) if scene else (1e-6, 1e-8, None)
+    rtol, atol, t_end = (
+        default if value is None else value
+        for value, default in zip((rtol, atol, t_end), defaults, strict=True)
+    )
+    name = method or (scene.method if scene else "auto")
+    name = _AUTO if name == "auto" else name
+    if name not in METHODS:
+        raise _error("method", f"auto or one of {', '.join(METHODS)}", repr(name))
+    step_s = scene.step_s if step_s is None and scene else step_s
+    t_end = checks.number("t_end", t_end, positive=True, error=_error)
+    problem = Problem(
+        model=model,
+        x0=checks.array("x0", x0, (model.n_x,), error=_error),
+        theta=_theta(model, theta),
+        pieces=command_pieces(given, model.n_u, t_end),
+        rtol=checks.number("rtol", rtol, positive=True, error=_error),
+        atol=checks.number("atol", atol, positive=True, error=_error),
+        step_s=None
+        if step_s is None
+        else checks.number("step_s", step_s, positive=True, error=_error),
+    )
+    return _run(problem, name)
+
+
+def _run(problem: Problem, name: str) -> Run:
+    """Integrate and gather the run's health."""
+    model, t_end = problem.model, problem.pieces[-1].t_end
+    method = METHODS[name]
+    method.prepare(model)  # compiling is not integrating
+    bar = tqdm(
+        total=t_end,
+        desc=name,
+        delay=_PATIENCE_S,
+        leave=False,
+        disable=not sys.stderr.isatty(),
+        bar_format="{desc} {bar} {n:.2f} of {total:.2f} s simulated",
+    )
+    with bar:
+        start = time.perf_counter()
+        trajectory = method.integrate(replace(problem, advance=lambda t: bar.update(t - bar.n)))
+        wall_time = time.perf_counter() - start
+    t, n = trajectory.t, model.n_u
+    at = samples_of(t)
+    nodes = sampled(problem.pieces, gauss_nodes(t), n)
+    steps = len(t) - 1
+    return Run(
+        model=model,
+        t=t,
+        x=trajectory.x,
+        u=sampled(problem.pieces, t, n),
+        theta=problem.theta,
+        success=not trajectory.message,
+        message=trajectory.message or f"reached t = {t_end:g} s in {steps} steps of {name}",
+        method=name,
+        energy=energy_balance(model, trajectory, nodes, problem.theta, at),
+        condition=conditions(model, trajectory.x[: model.n_q, at], problem.theta),
+        recentrings=(),
+        steps=steps,
+        evaluations=trajectory.evaluations,
+        wall_time=wall_time,
+    )
+
+
+def _theta(model: Model, theta: np.ndarray | None) -> np.ndarray:
+    if theta is None:
+        return model.theta0
+    return checks.array("theta", theta, model.theta0.shape, error=_error)
+
+
+def _error(field: str, expected: str, got: object) -> SimulationError:
+    return SimulationError(f"{field}: expected {expected}, got {got}")
