@@ -5,11 +5,12 @@ few discs; the call graph's C code hardly grows with their number.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-Tree = object  # nested tuples of matrices and static values (words, flags)
+Tree = Any  # nested tuples of matrices and static values (words, flags)
 
 
 def flatten(tree: Tree) -> tuple[list, Callable[[list], Tree]]:

@@ -249,7 +249,8 @@ class Chain:
         self, motion: Motion, tau: ca.SX, loads: Sequence[Wrench], root_acceleration: ca.SX
     ) -> ca.SX:
         """Forward dynamics by the articulated-body recursion: M^-1 (tau + J^T loads - bias)."""
-        taus, memory, outboard = self.split(tau), [], ()
+        taus, outboard = self.split(tau), ()
+        memory: list[art.Memory] = []
         for i in reversed(range(self.n_segments)):
             body = self.asm.call(
                 loaded_body, self.numbers.discs[i + 1], motion.w(i + 1), *loads[i + 1], outboard
@@ -287,7 +288,9 @@ class Chain:
     def momenta(self, motion: Motion) -> tuple[ca.SX, ca.SX, ca.SX]:
         """P = M qd, dT/dq and the kinetic energy T, inward."""
         velocity = self.velocities(motion)
-        sums, p, dT, kinetic = (ZERO,) * 4, [], [], 0
+        p: list[ca.SX] = []
+        dT: list[ca.SX] = []
+        sums, kinetic = (ZERO,) * 2, 0
         for i in reversed(range(self.n_segments)):
             body = self.numbers.discs[i + 1]
             energy, *sums = self.asm.call(
@@ -298,6 +301,7 @@ class Chain:
                 mom.momentum_step,
                 self.words[i],
                 motion.segments[i],
+                motion.qd[i],
                 motion.rates[i],
                 velocity[i + 1],
                 *sums,
@@ -326,11 +330,9 @@ class Chain:
 
 
 def _gathered(body: DiscNumbers, w: ca.SX, v: ca.SX, sums: tuple) -> tuple:
-    """A disc's kinetic energy, and momentum and gyration with what hangs on it."""
+    """A disc's kinetic energy, and its momentum with that of what hangs on it."""
     angular, linear, energy = mom.body_momentum(*body, w, v)
-    G, Gf = mom.gyration(w, v, angular, linear)
-    own = (angular, linear, G, Gf)
-    return energy, *(a + b for a, b in zip(own, sums, strict=True))
+    return energy, angular + sums[0], linear + sums[1]
 
 
 def _weight_energy(body: DiscNumbers, R: ca.SX, r: ca.SX, up: ca.SX) -> ca.SX:

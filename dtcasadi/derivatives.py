@@ -113,7 +113,7 @@ class Derivatives:
         chain = self._chain
         still = self._graphs.options.velocity_terms == "none"
         qd = chain.asm.expression(chain.n_q, 1) if still else self._qd
-        start = der.RootState(ca.DM.eye(3), *[ZERO] * 4, chain.root_acceleration())
+        start = der.RootState(ca.DM.eye(3), ZERO, ZERO, ZERO, ZERO, chain.root_acceleration())
         states, columns = [start], []
         parts = zip(
             chain.words, self._segments, chain.split(qd), chain.split(self._qdd), strict=True

@@ -9,7 +9,8 @@ from .graphs import Graphs
 
 def mass_matrix(g: Graphs) -> ca.Function:
     """M(q), eq (6)."""
-    derivatives = Derivatives(g, g.q, *[g.chain.asm.expression(g.chain.n_q, 1)] * 2, None)
+    still = g.chain.asm.expression(g.chain.n_q, 1)
+    derivatives = Derivatives(g, g.q, still, still, None)
     return g.function("mass_matrix", ("q", "theta"), M=derivatives.mass_matrix())
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from .actuators import Actuator
 from .assemble import Flat, Graph
@@ -111,7 +112,7 @@ class Graphs(Ports):
 
     def inflation_loads(self, pressure: ca.SX | list) -> list[list[Wrench]]:
         """`last_disc` wrenches of all chambers."""
-        centroids = [ca.DM(chamber.centroids.T) for chamber in self.robot.chambers]
+        centroids = [ca.DM(np.array(c.centroids)).T for c in self.robot.chambers]
         return self.chain.inflation(pressure, centroids)
 
     def loads(

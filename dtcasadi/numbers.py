@@ -32,7 +32,7 @@ class Slot(NamedTuple):
     """One number block of the robot that a path names."""
 
     part: str
-    index: int  # from 0; 0 for robot-wide fields
+    place: int  # from 0; 0 for robot-wide fields
     field: str
 
 
@@ -85,7 +85,7 @@ def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
 
 def slot_value(robot: Robot, slot: Slot) -> np.ndarray:
     """A block's numbers as theta holds them, shape (n,)."""
-    owner = robot if slot.part == "robot" else getattr(robot, slot.part)[slot.index]
+    owner = robot if slot.part == "robot" else getattr(robot, slot.part)[slot.place]
     value = np.atleast_1d(np.asarray(getattr(owner, slot.field), dtype=float))
     if slot.field == "inertia":
         return np.array([value[i, j] for i, j in INERTIA_ORDER])

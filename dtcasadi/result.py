@@ -93,7 +93,7 @@ class Run:
         arrays |= {name: np.array(getattr(self, name)) for name in _SAVED}
         names = {"state_names": np.array(self.model.state_names)}
         with written(target) as file:
-            np.savez_compressed(file, **arrays, **names)
+            np.savez_compressed(file, **arrays, **names)  # type: ignore[arg-type]
         return target
 
 

@@ -205,7 +205,7 @@ def load_scene(path_or_name: str | os.PathLike[str]) -> Scene:
     if not isinstance(path, str):
         expected = "a path to a scene file or the name of a scene"
         raise SceneError([f"scene: expected {expected}, got {checks.shown(path_or_name)}"])
-    source = printable(path)
+    source = printable(path) or "''"
     data = _bytes_of(path, source)
     words = "".join(c if c.isascii() and c.isalnum() else " " for c in Path(path).stem)
     name = "_".join(words.lower().split())

@@ -170,7 +170,10 @@ def test_a_small_plate_far_away_loses_no_digits():
         (lambda: Spring((2, 1), [0] * 3, [0] * 3, 1), "discs: expected neighbours (i, i + 1), got"),
         (lambda: Spring((0, 1), [0] * 3, [0] * 3, 1), "discs: expected an integer from 1 to"),
         (lambda: Spring((1.0, 2.0), [0] * 3, [0] * 3, 1), "discs: expected an integer from 1 to"),
-        (lambda: Spring(1, [0] * 3, [0] * 3, 1), "discs: expected two neighbouring disc numbers, g"),
+        (
+            lambda: Spring(1, [0] * 3, [0] * 3, 1),
+            "discs: expected two neighbouring disc numbers, g",
+        ),
         (lambda: Spring((1, 2), [0], [0] * 3, 1), "start: expected finite numbers of shape (3), g"),
         (lambda: Spring((1, 2), [0] * 3, [0, 0, math.inf], 1), "end: expected finite numbers of "),
         (lambda: Spring((1, 2), [0] * 3, [0] * 3, -1), "stiffness: expected a finite non-negative"),
@@ -331,7 +334,9 @@ derandomized = settings(derandomize=True, max_examples=60, deadline=None)
 def bodies(draw) -> Disc:
     """A disc whose tensor is that of some cloud of points."""
     cloud = np.array(draw(st.lists(points, min_size=4, max_size=6)))
-    cloud = cloud - cloud.mean(axis=0) + 1e-3 * np.vstack([np.eye(3), np.zeros((len(cloud) - 3, 3))])
+    cloud = (
+        cloud - cloud.mean(axis=0) + 1e-3 * np.vstack([np.eye(3), np.zeros((len(cloud) - 3, 3))])
+    )
     tensor = sum(p @ p * np.eye(3) - np.outer(p, p) for p in cloud)
     scale = float(np.abs(tensor).max())
     tensor = tensor + 1e-3 * scale * np.eye(3)  # safely positive definite
@@ -356,7 +361,9 @@ def test_random_robots_are_accepted_and_complete(discs, data):
 
 
 @derandomized
-@given(bodies(), st.sampled_from(["mass", "inertia", "centre_of_mass", "centroid", "area"]), st.data())
+@given(
+    bodies(), st.sampled_from(["mass", "inertia", "centre_of_mass", "centroid", "area"]), st.data()
+)
 def test_a_spoiled_field_is_refused_by_its_name(disc, field, data):
     spoilt = np.array(getattr(disc, field), dtype=float)
     wrong = data.draw(st.sampled_from([math.nan, math.inf, -math.inf]))

@@ -165,14 +165,16 @@ def test_springs_lie_on_the_rims_they_are_given_on():
 
 def test_a_spring_between_unlike_rims_follows_each():
     text = edited(SMALL, "count = 3\n", "")
-    text = edited(text, "[robot.threads]\ncount = 2", 'DISC2\n[robot.threads]\ncount = 1')
+    text = edited(text, "[robot.threads]\ncount = 2", "DISC2\n[robot.threads]\ncount = 1")
     text = edited(text, "DISC2", '[[robot.discs]]\nshape = "hoop"\nmass = 1\nradius = 3')
-    text += '[[robot.springs]]\ndiscs = [1, 2]\nat_deg = [90]\nstiffness = 1'
+    text += "[[robot.springs]]\ndiscs = [1, 2]\nat_deg = [90]\nstiffness = 1"
     (spring,) = parse(text).robot.springs
     assert spring.start.tolist() == [1, 1, 0] and spring.end.tolist() == [3, 3, 0]
 
 
-PRESSED = SMALL + '[[robot.chambers]]\ndiscs = "all"\n[[robot.chambers]]\ndiscs = [1, 2]\n[pressure]\n'
+PRESSED = (
+    SMALL + '[[robot.chambers]]\ndiscs = "all"\n[[robot.chambers]]\ndiscs = [1, 2]\n[pressure]\n'
+)
 
 
 @pytest.mark.parametrize(
@@ -247,11 +249,31 @@ TURNS = "[[robot.springs]]\ndiscs = [1, 2]\nstiffness = 1\n"
         ("schema = 1", "schema = 1.0", "schema: expected 1, got 1.0"),
         ("schema = 1", "schema = 2\nrobots = 3", "schema: expected 1, got 2"),
         ("mass = 2", "mass = -2", "robot.discs[1].mass: expected a finite positive number, got -2"),
-        ("mass = 2", "mass_g = 0", "robot.discs[1].mass_g: expected a finite positive number, got 0"),
-        ("mass = 2", "mass = nan", "robot.discs[1].mass: expected a finite positive number, got nan"),
-        ("mass = 2", "mass = true", "robot.discs[1].mass: expected a finite positive number, got True"),
-        ("mass = 2", 'mass = "2"', "robot.discs[1].mass: expected a finite positive number, got '2'"),
-        ("mass = 2\n", "", "robot.discs[1].mass: expected a finite positive number [kg], got nothing"),
+        (
+            "mass = 2",
+            "mass_g = 0",
+            "robot.discs[1].mass_g: expected a finite positive number, got 0",
+        ),
+        (
+            "mass = 2",
+            "mass = nan",
+            "robot.discs[1].mass: expected a finite positive number, got nan",
+        ),
+        (
+            "mass = 2",
+            "mass = true",
+            "robot.discs[1].mass: expected a finite positive number, got True",
+        ),
+        (
+            "mass = 2",
+            'mass = "2"',
+            "robot.discs[1].mass: expected a finite positive number, got '2'",
+        ),
+        (
+            "mass = 2\n",
+            "",
+            "robot.discs[1].mass: expected a finite positive number [kg], got nothing",
+        ),
         (
             "mass = 2",
             "mass = 1e400",
@@ -291,10 +313,22 @@ TURNS = "[[robot.springs]]\ndiscs = [1, 2]\nstiffness = 1\n"
             '"hop"',
             "robot.discs[1].shape: expected hoop, solid, polygon or custom, got 'hop'",
         ),
-        ("count = 3", "count = 0", "robot.discs[1].count: expected an integer from 1 to 4096, got 0"),
-        ("count = 3", "count = 3.0", "robot.discs[1].count: expected an integer from 1 to 4096, got 3.0"),
+        (
+            "count = 3",
+            "count = 0",
+            "robot.discs[1].count: expected an integer from 1 to 4096, got 0",
+        ),
+        (
+            "count = 3",
+            "count = 3.0",
+            "robot.discs[1].count: expected an integer from 1 to 4096, got 3.0",
+        ),
         ("count = 3", "count = 4", "robot.threads: expected 3 for 4 discs, got 2"),
-        ("count = 3", "count = 1", "robot.discs: expected at least 2 discs, the root included, got 1"),
+        (
+            "count = 3",
+            "count = 1",
+            "robot.discs: expected at least 2 discs, the root included, got 1",
+        ),
         (
             DISC,
             DISC + "\n[[robot.discs]]\ncount = 4094\n" + DISC,
@@ -312,21 +346,61 @@ TURNS = "[[robot.springs]]\ndiscs = [1, 2]\nstiffness = 1\n"
             "robot.discs[1].inertia: expected positive principal moments, each at most the sum of "
             "the other two, got [1.0, 1.0, 5.0]",
         ),
-        ("[robot]", "[robot]\nup = [0, 0, 0]", "robot.up: expected a direction (3 numbers, not all zero), got [0.0, 0.0, 0.0]"),
-        ("[robot]", "[robot]\nup = 3", "robot.up: expected finite numbers of shape (3), got shape ()"),
-        ("[robot]", "[robot]\ngravity = -1", "robot.gravity: expected a finite non-negative number, got -1"),
-        ("[robot]", "[robot]\nsprings = 3", "robot.springs: expected [[robot.springs]] tables, got 3"),
+        (
+            "[robot]",
+            "[robot]\nup = [0, 0, 0]",
+            "robot.up: expected a direction (3 numbers, not all zero), got [0.0, 0.0, 0.0]",
+        ),
+        (
+            "[robot]",
+            "[robot]\nup = 3",
+            "robot.up: expected finite numbers of shape (3), got shape ()",
+        ),
+        (
+            "[robot]",
+            "[robot]\ngravity = -1",
+            "robot.gravity: expected a finite non-negative number, got -1",
+        ),
+        (
+            "[robot]",
+            "[robot]\nsprings = 3",
+            "robot.springs: expected [[robot.springs]] tables, got 3",
+        ),
         ("[robot]", "[robot]\ndamping = 3", "robot.damping: expected a table, got 3"),
-        ("[robot]", "[robot]\ndamping = {c_a = -1}", "robot.damping.c_a: expected a finite non-negative number, got -1"),
-        ("[robot]", "[robot]\ndamping = [{c_a = 1}]", "robot.damping: expected 2 for 3 discs, got 1"),
-        ("length = 1", "length = 1\nbend_deg = [1, true, 0]", "robot.threads[1].bend_deg: expected finite numbers of shape (3), got [1, True, 0]"),
+        (
+            "[robot]",
+            "[robot]\ndamping = {c_a = -1}",
+            "robot.damping.c_a: expected a finite non-negative number, got -1",
+        ),
+        (
+            "[robot]",
+            "[robot]\ndamping = [{c_a = 1}]",
+            "robot.damping: expected 2 for 3 discs, got 1",
+        ),
+        (
+            "length = 1",
+            "length = 1\nbend_deg = [1, true, 0]",
+            "robot.threads[1].bend_deg: expected finite numbers of shape (3), got [1, True, 0]",
+        ),
         ("t_end = 3", "t_end = 0", "run.t_end: expected a finite positive number, got 0"),
         ("t_end = 3", "", "run.t_end: expected a finite positive number [s], got nothing"),
         ("t_end = 3", "t_end = 3\nrtol = 1", "run.rtol: expected a number below 1, got 1.0"),
-        ("t_end = 3", 't_end = 3\nmethod = "a b"', "run.method: expected the name of an integration method, got 'a b'"),
+        (
+            "t_end = 3",
+            't_end = 3\nmethod = "a b"',
+            "run.method: expected the name of an integration method, got 'a b'",
+        ),
         ("[run]", "[rum]", "run: expected a table, got nothing"),
-        ("schema = 1", 'schema = 1\nname = "Two words"', "name: expected lower-case words joined by _, at most 60 characters, got 'Two words'"),
-        ("schema = 1", 'schema = 1\ntitle = "a\\nb"', "title: expected one line of text, got 'a\\nb'"),
+        (
+            "schema = 1",
+            'schema = 1\nname = "Two words"',
+            "name: expected lower-case words joined by _, at most 60 characters, got 'Two words'",
+        ),
+        (
+            "schema = 1",
+            'schema = 1\ntitle = "a\\nb"',
+            "title: expected one line of text, got 'a\\nb'",
+        ),
     ],
 )
 def test_an_error_names_file_key_expectation_and_gift(old, new, line):
@@ -336,31 +410,100 @@ def test_an_error_names_file_key_expectation_and_gift(old, new, line):
 @pytest.mark.parametrize(
     ("addition", "line"),
     [
-        (TURNS, "robot.springs[1].at: expected at, or start_at with end_at, or start with end, got nothing"),
-        (TURNS + "at = [1]\nend = [1, 2, 3]", "robot.springs[1].at: expected at, or start_at with end_at, or start with end, got at and start"),
-        (TURNS + "start_at = [1]\nend_at = [1, 2]", "robot.springs[1].end_at: expected 1 angles, as in start_at, got 2"),
-        (TURNS + "at = [1]\nrest_length = -1", "robot.springs[1].rest_length: expected a finite non-negative number, got -1"),
-        (TURNS.replace("[1, 2]", "[1, 3]") + "at = [1]", "robot.springs[1].discs: expected neighbours [i, i + 1], got [1, 3]"),
-        (TURNS.replace("[1, 2]", "[3, 4]") + "at = [1]", "robot.springs[1].discs: expected disc numbers from 1 to 3, got [3, 4]"),
-        (TURNS.replace("[1, 2]", '"any"') + "at = [1]", "robot.springs[1].discs: expected \"all\" or two neighbouring disc numbers, got 'any'"),
-        (TURNS.replace("[1, 2]", '"all"') + f"at = {[1] * 10_001}", "robot.springs[1].discs: expected at most 20000 springs in all, got 20002"),
-        ("[[robot.chambers]]\ndiscs = [2, 2]", "robot.chambers[1].discs: expected first < last, got (2, 2)"),
-        ("[[robot.chambers]]\ndiscs = [1, true]", 'robot.chambers[1].discs: expected "all" or the first and the last disc number, got [1, True]'),
-        ('[[robot.chambers]]\ndiscs = "all"\nareas = [1, 2]', "robot.chambers[1].areas: expected finite numbers of shape (3), got shape (2,)"),
-        ("[model]\nchart = 'plane'", "model.chart: expected cardan, paper, planar, hinge, ball or rigid, or a list of them, got 'plane'"),
+        (
+            TURNS,
+            "robot.springs[1].at: expected at, or start_at with end_at, or start with end, got nothing",
+        ),
+        (
+            TURNS + "at = [1]\nend = [1, 2, 3]",
+            "robot.springs[1].at: expected at, or start_at with end_at, or start with end, got at and start",
+        ),
+        (
+            TURNS + "start_at = [1]\nend_at = [1, 2]",
+            "robot.springs[1].end_at: expected 1 angles, as in start_at, got 2",
+        ),
+        (
+            TURNS + "at = [1]\nrest_length = -1",
+            "robot.springs[1].rest_length: expected a finite non-negative number, got -1",
+        ),
+        (
+            TURNS.replace("[1, 2]", "[1, 3]") + "at = [1]",
+            "robot.springs[1].discs: expected neighbours [i, i + 1], got [1, 3]",
+        ),
+        (
+            TURNS.replace("[1, 2]", "[3, 4]") + "at = [1]",
+            "robot.springs[1].discs: expected disc numbers from 1 to 3, got [3, 4]",
+        ),
+        (
+            TURNS.replace("[1, 2]", '"any"') + "at = [1]",
+            "robot.springs[1].discs: expected \"all\" or two neighbouring disc numbers, got 'any'",
+        ),
+        (
+            TURNS.replace("[1, 2]", '"all"') + f"at = {[1] * 10_001}",
+            "robot.springs[1].discs: expected at most 20000 springs in all, got 20002",
+        ),
+        (
+            "[[robot.chambers]]\ndiscs = [2, 2]",
+            "robot.chambers[1].discs: expected first < last, got (2, 2)",
+        ),
+        (
+            "[[robot.chambers]]\ndiscs = [1, true]",
+            'robot.chambers[1].discs: expected "all" or the first and the last disc number, got [1, True]',
+        ),
+        (
+            '[[robot.chambers]]\ndiscs = "all"\nareas = [1, 2]',
+            "robot.chambers[1].areas: expected finite numbers of shape (3), got shape (2,)",
+        ),
+        (
+            "[model]\nchart = 'plane'",
+            "model.chart: expected cardan, paper, planar, hinge, ball or rigid, or a list of them, got 'plane'",
+        ),
         ("[model]\nchart = ['planar']", "model.chart: expected 1 or 2 names, got 1"),
-        ("[model]\nvelocity_terms = 'half'", "model.velocity_terms: expected full, paper or none, got 'half'"),
+        (
+            "[model]\nvelocity_terms = 'half'",
+            "model.velocity_terms: expected full, paper or none, got 'half'",
+        ),
         ("[model]\nactuator = 'pump'", "model.actuator: expected direct or regulator, got 'pump'"),
-        ("[model.actuator]\nkind = 'pump'", "model.actuator.kind: expected direct or regulator, got 'pump'"),
-        ("[model.actuator]\nkind = 'regulator'\nmaximum = -1", "model.actuator.maximum: expected a pressure above the minimum of 0 Pa, got -1.0"),
-        ("[model.actuator]\nkind = 'direct'\nmaximum = 1", "model.actuator.maximum: expected one of kind, got an unknown key"),
-        ("[initial]\nq = [1, 2]", "initial.q: expected finite numbers of shape (10), got shape (2,)"),
-        ("[initial]\nq = 0\nthread_x = 1", "initial.q: expected either q or named coordinates, got both"),
-        ("[initial]\nbeta = 1", "initial.beta: expected a coordinate of every segment (chart cardan), got another one"),
-        ("[initial]\nthread_x = [1, 2, 3]", "initial.thread_x: expected finite numbers of shape (2), got shape (3,)"),
-        ("[initial]\npressure = 1", "initial.pressure: expected no pressure for a robot without chambers, got one"),
-        ("[pressure]\nvalue = 1", "pressure: expected no pressure for a robot without chambers, got one"),
-        ("[sensors]", "sensors: expected one of schema, name, title, robot, model, initial, pressure, run, got an unknown key"),
+        (
+            "[model.actuator]\nkind = 'pump'",
+            "model.actuator.kind: expected direct or regulator, got 'pump'",
+        ),
+        (
+            "[model.actuator]\nkind = 'regulator'\nmaximum = -1",
+            "model.actuator.maximum: expected a pressure above the minimum of 0 Pa, got -1.0",
+        ),
+        (
+            "[model.actuator]\nkind = 'direct'\nmaximum = 1",
+            "model.actuator.maximum: expected one of kind, got an unknown key",
+        ),
+        (
+            "[initial]\nq = [1, 2]",
+            "initial.q: expected finite numbers of shape (10), got shape (2,)",
+        ),
+        (
+            "[initial]\nq = 0\nthread_x = 1",
+            "initial.q: expected either q or named coordinates, got both",
+        ),
+        (
+            "[initial]\nbeta = 1",
+            "initial.beta: expected a coordinate of every segment (chart cardan), got another one",
+        ),
+        (
+            "[initial]\nthread_x = [1, 2, 3]",
+            "initial.thread_x: expected finite numbers of shape (2), got shape (3,)",
+        ),
+        (
+            "[initial]\npressure = 1",
+            "initial.pressure: expected no pressure for a robot without chambers, got one",
+        ),
+        (
+            "[pressure]\nvalue = 1",
+            "pressure: expected no pressure for a robot without chambers, got one",
+        ),
+        (
+            "[sensors]",
+            "sensors: expected one of schema, name, title, robot, model, initial, pressure, run, got an unknown key",
+        ),
     ],
 )
 def test_an_error_in_an_optional_table(addition, line):
@@ -373,12 +516,30 @@ def test_an_error_in_an_optional_table(addition, line):
         ("", "pressure.value: expected finite numbers of shape (2) [Pa], got nothing"),
         ("valeu = 1", "pressure.value: expected finite numbers of shape (2) [Pa], got nothing"),
         ("value = [1]", "pressure.value: expected finite numbers of shape (2), got shape (1,)"),
-        ("value = 1\nkind = 'step'", "pressure.kind: expected one of value, times, values, got an unknown key"),
-        ("times = [0, 1]", "pressure.values: expected finite numbers of shape (n) [Pa], got nothing"),
-        ("times = [0, 1]\nvalues = [1]", "pressure.values: expected 2 rows, one for each time, got 1"),
-        ("times = [1, 1]\nvalues = [1, 2]", "pressure.times: expected strictly increasing times, got [1.0, 1.0]"),
-        ("times_ms = [0]\nvalues_kpa = [[1]]", "pressure.values_kpa: expected finite numbers of shape (n, 2), got shape (1, 1)"),
-        ("times = [0]\nvalues = [1]\nkind = 'spline'", "pressure.kind: expected step or linear, got 'spline'"),
+        (
+            "value = 1\nkind = 'step'",
+            "pressure.kind: expected one of value, times, values, got an unknown key",
+        ),
+        (
+            "times = [0, 1]",
+            "pressure.values: expected finite numbers of shape (n) [Pa], got nothing",
+        ),
+        (
+            "times = [0, 1]\nvalues = [1]",
+            "pressure.values: expected 2 rows, one for each time, got 1",
+        ),
+        (
+            "times = [1, 1]\nvalues = [1, 2]",
+            "pressure.times: expected strictly increasing times, got [1.0, 1.0]",
+        ),
+        (
+            "times_ms = [0]\nvalues_kpa = [[1]]",
+            "pressure.values_kpa: expected finite numbers of shape (n, 2), got shape (1, 1)",
+        ),
+        (
+            "times = [0]\nvalues = [1]\nkind = 'spline'",
+            "pressure.kind: expected step or linear, got 'spline'",
+        ),
     ],
 )
 def test_an_error_in_the_pressure(text, line):
@@ -404,6 +565,35 @@ def test_all_errors_of_a_file_are_reported_together_in_its_order():
 def test_a_flood_of_errors_is_counted():
     lines = errors_of(SMALL + "\n".join(f"key_{k} = 1" for k in range(80)))
     assert len(lines) == 51 and lines[-1] == "and 30 more errors"
+
+
+CORNERS = [[math.cos(k / 200), math.sin(k / 200)] for k in range(1025)]
+LARGE_PLATE = f'shape = "polygon"\nmass = 1\nvertices = {CORNERS}'
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (
+            edited(SMALL, DISC, LARGE_PLATE),
+            "robot.discs[1].vertices: expected at most 1024 corners, got 1025",
+        ),
+        (
+            SMALL + 257 * '[[robot.chambers]]\ndiscs = "all"\n',
+            "robot.chambers: expected at most 256, got 257",
+        ),
+        (
+            edited(SMALL, "[robot]", "[robot]\nchambers = 3"),
+            "robot.chambers: expected [[robot.chambers]] tables, got 3",
+        ),
+    ],
+)
+def test_sizes_are_limited(text, line):
+    assert errors_of(text) == [line]
+
+
+def test_reading_of_springs_stops_at_a_flood_of_errors():
+    assert len(errors_of(SMALL + 60 * "[[robot.springs]]\n")) == 51
 
 
 def test_a_wrong_disc_does_not_hide_another():
@@ -439,9 +629,13 @@ def test_a_name_is_never_a_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_scene("seed_four_disc").t_end == 10.0
     assert load_scene("./mine").name == "mine"
-    with pytest.raises(SceneError, match=r"^scene: expected a path such as ./mine.toml, or one of "):
+    with pytest.raises(
+        SceneError, match=r"^scene: expected a path such as ./mine.toml, or one of "
+    ):
         load_scene("mine")
-    with pytest.raises(SceneError, match=r"\(did you mean seed_four_disc\?\), got 'seed_for_disc'$"):
+    with pytest.raises(
+        SceneError, match=r"\(did you mean seed_four_disc\?\), got 'seed_for_disc'$"
+    ):
         load_scene("seed_for_disc")
     with pytest.raises(SceneError, match=r"no such file"):
         load_scene("../scenes/seed_four_disc")
@@ -498,12 +692,15 @@ def test_what_cannot_be_a_path(path):
 @pytest.mark.parametrize(
     ("text", "got"),
     [
-        ("a = ", "expected a TOML file, got an error: Invalid value (at end of document)"),
-        ("a = 1\na = 2", "expected a TOML file, got an error: Cannot overwrite a value (at line 2,"),
+        ("a = ", "expected a TOML file, got an error: "),
+        ("a = 1\na = 2", "expected a TOML file, got an error: "),
         ("a = " + "[" * 9999, "expected a TOML file, got tables or lists nested too deeply"),
         ("a = " + "9" * 9999, "expected a TOML file, got an integer of thousands of digits"),
         (".".join("a" * 9999) + " = 1", "expected keys of at most 16 parts, got a longer one"),
-        ("'a' . \"\\\"\" . " * 9999 + "a = 1", "expected keys of at most 16 parts, got a longer one"),
+        (
+            '\'a\' . "\\"" . ' * 9999 + "a = 1",
+            "expected keys of at most 16 parts, got a longer one",
+        ),
     ],
 )
 def test_what_is_no_toml(text, got):

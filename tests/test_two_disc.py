@@ -21,13 +21,13 @@ def hoops() -> Robot:
     hoop = Disc.hoop(2.0, 1.0)
     rim = [np.array([np.sin(a), 1 - np.cos(a), 0.0]) for a in np.pi / 2 * np.arange(1, 4)]
     springs = [Spring((1, 2), point, point, 1.0) for point in rim]
-    return Robot([hoop, hoop], [Thread(1.0)], springs)
+    return Robot((hoop, hoop), (Thread(1.0),), tuple(springs))
 
 
 def arbitrary() -> Robot:
     """Offset centre, full tensor, springs anywhere; the thread as in the paper."""
     robot = random_robot(np.random.default_rng(2), 2)
-    return replace(robot, threads=[Thread(0.8)])
+    return replace(robot, threads=(Thread(0.8),))
 
 
 @pytest.fixture(params=[hoops, arbitrary], ids=lambda make: make.__name__)

@@ -40,7 +40,7 @@ def actuator_of(value: object) -> Actuator:
     """
     if isinstance(value, str) and value in _BY_NAME:
         return _BY_NAME[value]()
-    if isinstance(value, tuple(_BY_NAME.values())):
+    if isinstance(value, Direct | Regulator):
         return value
     names = ", ".join(repr(name) for name in _BY_NAME)
     raise ModelError(f"actuator: expected {names} or an actuator value, got {value!r}")

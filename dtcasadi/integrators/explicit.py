@@ -1,8 +1,7 @@
 """One step of an explicit Runge-Kutta method as a CasADi Function."""
 
-from collections.abc import Sequence
-
 import casadi as ca
+import numpy as np
 
 from .tableau import Tableau
 
@@ -35,6 +34,6 @@ def explicit_step(ode: ca.Function, tableau: Tableau) -> ca.Function:
     return ca.Function(name, [x, U, h, theta], outputs, ports, ["x_next", "error"])
 
 
-def _combined(weights: Sequence[float], slopes: list[ca.MX]) -> ca.MX:
+def _combined(weights: np.ndarray, slopes: list[ca.MX]) -> ca.MX:
     terms = [w * k for w, k in zip(weights, slopes, strict=False) if w != 0]
     return sum(terms[1:], terms[0]) if terms else ca.MX.zeros(slopes[0].shape)

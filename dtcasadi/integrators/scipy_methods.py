@@ -27,12 +27,15 @@ class Scipy:
     def integrate(self, problem: Problem) -> Trajectory:
         """Run piece by piece; a failing piece ends the run at its last good state."""
         ode = problem.model.compiled("ode")
-        jacobian = None
+        ode.inputs.theta[:] = problem.theta
+        jacobian = ode
         if self.name in _WITH_JACOBIAN:
             jacobian = problem.model.compiled("ode_jacobian")
             jacobian.inputs.theta[:] = problem.theta
-        ode.inputs.theta[:] = problem.theta
-        times, states, interpolants, message = [], [], [], ""
+        times: list[float] = []
+        states: list[np.ndarray] = []
+        interpolants: list = []
+        message = ""
         evaluations, x = 0, problem.x0
         for piece in problem.pieces:
 
@@ -57,7 +60,7 @@ class Scipy:
                     rtol=problem.rtol,
                     atol=problem.atol,
                     dense_output=True,
-                    **({"jac": slope} if jacobian else {}),
+                    **({"jac": slope} if jacobian is not ode else {}),
                 )
             good = int(np.sum(np.cumprod(np.isfinite(solution.y).all(axis=0))))
             first = 1 if times else 0

@@ -96,8 +96,9 @@ def cross(a: ca.SX, b: ca.SX) -> ca.SX:
 def ldl(matrix: ca.SX) -> tuple[list[list], list]:
     """Unrolled LDL^T of a small symmetric positive definite matrix: (L below the diagonal, 1/d)."""
     n = matrix.shape[0]
-    lower = [[None] * n for _ in range(n)]
-    diagonal, inverse = [], []
+    lower: list[list] = [[None] * n for _ in range(n)]
+    diagonal: list = []
+    inverse: list = []
     for j in range(n):
         d = matrix[j, j] - sum(lower[j][k] ** 2 * diagonal[k] for k in range(j))
         diagonal.append(d)

@@ -1,6 +1,7 @@
 """Robots, oracles and models shared by the tests, each built once in a session."""
 
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,13 +27,13 @@ def oracle(n: int, charts: Charts) -> ca.Function:
 
 
 @cache
-def model(n: int, charts: Charts, *, bare: bool = False, **options: str) -> "dtc.Model":
+def model(n: int, charts: Charts, *, bare: bool = False, **options: Any) -> "dtc.Model":
     """The model of that robot with build options."""
     return dtc.build(robot(n, bare=bare), chart=list(charts), **options)
 
 
-def numbers(function: ca.Function, *arguments: object) -> np.ndarray | tuple[np.ndarray, ...]:
-    """The Function's outputs as arrays; a column as a vector."""
+def numbers(function: ca.Function, *arguments: object) -> Any:
+    """The Function's outputs as arrays, a column as a vector; alone or as a tuple."""
     outputs = function.call([ca.DM(a) for a in arguments])
     arrays = tuple(o.full()[:, 0] if o.is_column() else o.full() for o in outputs)
     return arrays[0] if len(arrays) == 1 else arrays

@@ -122,6 +122,7 @@ def _dissipation(robot: Robot, poses: Chain, y: ca.SX, yd: ca.SX) -> ca.SX:
     + c_r |relative angular velocity|^2 / 2; the rates are plain derivatives of components.
     """
     total = ca.SX(0)
+    assert isinstance(robot.damping, tuple)  # one for each segment, by Robot
     for i, damping in enumerate(robot.damping):
         before, after = poses.rotations[i], poses.rotations[i + 1]
         t = poses.directions[i]
@@ -137,6 +138,7 @@ def _dissipation(robot: Robot, poses: Chain, y: ca.SX, yd: ca.SX) -> ca.SX:
 
 def _coordinate_damping(robot: Robot, charts: Sequence[str]) -> ca.DM:
     """The paper's b of each coordinate rate (section V): c_a of the coordinate's segment."""
+    assert isinstance(robot.damping, tuple)
     each = [
         [damping.c_a] * size([chart]) for damping, chart in zip(robot.damping, charts, strict=True)
     ]
@@ -150,6 +152,7 @@ def _inflation(robot: Robot, poses: Chain, y: ca.SX, yd: ca.SX, pressure: ca.SX)
     """
     power = ca.SX(0)
     for k, chamber in enumerate(robot.chambers):
+        assert chamber.areas is not None and chamber.centroids is not None  # by Robot
         for number, at, sign in ((chamber.discs[1], -1, 1.0), (chamber.discs[0], 0, -1.0)):
             force = sign * pressure[k] * chamber.areas[at] * poses.rotations[number - 1][:, 2]
             velocity = ca.jtimes(poses.point(number, chamber.centroids[at]), y, yd)

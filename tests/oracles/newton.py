@@ -38,10 +38,12 @@ def last_disc_tension(
             rate = v + np.cross(w, end) - v_before - np.cross(w_before, start)
             reach = np.linalg.norm(gap)
             along = gap / reach
+            assert spring.rest_length is not None  # filled in by Robot
             pull = spring.stiffness * (reach - spring.rest_length) + spring.damping * along @ rate
             force = force - pull * along
     for chamber, p in zip(robot.chambers, pressure, strict=True):
         if chamber.discs[1] == n:
+            assert chamber.areas is not None
             force = force + p * chamber.areas[-1] * R[:, 2]
     return float(t[:, 0] @ force)
 

@@ -1,5 +1,7 @@
 """Random robots and states for the tests, from a seeded generator."""
 
+from typing import Any
+
 import numpy as np
 
 from dtcasadi.robot import Chamber, Damping, Disc, Robot, Spring, Thread
@@ -63,8 +65,8 @@ def random_robot(
         Thread(rng.uniform(0.5, 1.5), 0.3 * rng.normal(size=3), rotation(rng), rotation(rng))
         for _ in range(n - 1)
     ]
-    parts = {} if bare else _forces(rng, n)
-    return Robot(discs, threads, up=rng.normal(size=3), gravity=9.81, **parts)
+    parts: dict[str, Any] = {} if bare else _forces(rng, n)
+    return Robot(tuple(discs), tuple(threads), up=rng.normal(size=3), gravity=9.81, **parts)
 
 
 def _forces(rng: np.random.Generator, n: int) -> dict:
@@ -98,16 +100,16 @@ def planar_robot(rng: np.random.Generator, n: int) -> Robot:
         Disc(
             mass=rng.uniform(0.5, 2.0),
             inertia=tensor(rng, about_x(rng.uniform(-1, 1))),
-            centre_of_mass=[0.0, *rng.normal(size=2)],
+            centre_of_mass=np.array([0.0, *rng.normal(size=2)]),
             area=rng.uniform(0.2, 1.0),
-            centroid=[0.0, *rng.normal(size=2)],
+            centroid=np.array([0.0, *rng.normal(size=2)]),
         )
         for _ in range(n)
     ]
     threads = [
         Thread(
             rng.uniform(0.5, 1.5),
-            [0.0, *(0.3 * rng.normal(size=2))],
+            np.array([0.0, *(0.3 * rng.normal(size=2))]),
             about_x(rng.uniform(-0.5, 0.5)),
             about_x(rng.uniform(-0.5, 0.5)),
         )
@@ -116,15 +118,16 @@ def planar_robot(rng: np.random.Generator, n: int) -> Robot:
     springs = []
     for i in range(1, n):
         start, end = rng.normal(size=3), rng.normal(size=3)
-        stiffness, damping = rng.uniform(1.0, 20.0), rng.uniform(0.1, 2.0)
+        stiffness, damper = rng.uniform(1.0, 20.0), rng.uniform(0.1, 2.0)
         mirror = np.array([-1.0, 1.0, 1.0])
         springs += [
-            Spring((i, i + 1), start * side, end * side, stiffness, damping=damping)
+            Spring((i, i + 1), start * side, end * side, stiffness, damping=damper)
             for side in (1.0, mirror)
         ]
-    damping = [Damping(*rng.uniform(0.1, 3.0, 4)) for _ in range(n - 1)]
-    up = [0.0, *rng.normal(size=2)]
-    return Robot(discs, threads, springs, [Chamber((1, n))], damping, up)
+    damping = tuple(Damping(*rng.uniform(0.1, 3.0, 4)) for _ in range(n - 1))
+    up = np.array([0.0, *rng.normal(size=2)])
+    parts = tuple(discs), tuple(threads), tuple(springs), (Chamber((1, n)),)
+    return Robot(*parts, damping, up)
 
 
 def coordinates(rng: np.random.Generator, charts: tuple[str, ...]) -> np.ndarray:
@@ -133,12 +136,12 @@ def coordinates(rng: np.random.Generator, charts: tuple[str, ...]) -> np.ndarray
     Every angle within 1.2 rad keeps cos of the middle angles above 0.36. In the paper's chart
     |sin beta| and |cos psi| stay above 0.1 and the other three angles are arbitrary.
     """
-    parts = []
+    parts: list[np.ndarray] = []
     for chart in charts:
         if chart == "paper":
             alpha, gamma, phi = rng.uniform(-np.pi, np.pi, 3)
             beta = rng.choice([-1.0, 1.0]) * rng.uniform(0.11, np.pi - 0.11)
-            parts.append([alpha, beta, gamma, rng.uniform(-1.46, 1.46), phi])
+            parts.append(np.array([alpha, beta, gamma, rng.uniform(-1.46, 1.46), phi]))
         else:
             thread, disc = WORDS[chart]
             parts.append(rng.uniform(-1.2, 1.2, len(thread) + len(disc)))

@@ -66,6 +66,7 @@ def newton_euler(robot: Robot, q: np.ndarray) -> Terms:
     for s in robot.springs:
         point = r + R @ s.end
         reach = np.linalg.norm(point - s.start)
+        assert s.rest_length is not None  # filled in by Robot
         pull = s.stiffness * (reach - s.rest_length) * (s.start - point) / reach
         spring -= [e @ np.cross(point - o, pull) for e, o in zip(axes, pivots, strict=True)]
     return Terms(M, np.array(gravity), spring)
@@ -96,6 +97,7 @@ def euler_lagrange(robot: Robot, q: np.ndarray) -> Terms:
     for s in robot.springs:
         d = length * t + R @ s.end - s.start
         reach = np.sqrt(d @ d)
+        assert s.rest_length is not None
         spring += s.stiffness * (1 - s.rest_length / reach) * partials(s.end) @ d
     return Terms(M, gravity, spring)
 

@@ -1,0 +1,237 @@
+"""The robot as lines and polygons on a page: its geometry in a pose, and the view on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .result import Run
+from .robot import Chamber, Disc, Robot
+
+# Of an oblique view: how far the viewer stands above the horizon and off the robot's side.
+_ELEVATION, _AZIMUTH = np.radians(18.0), np.radians(35.0)
+_CIRCLE = np.linspace(0.0, 2 * np.pi, 33)[:-1]
+_TEETH = 5  # zigzags of a spring
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A parallel projection on a page.
+
+    Attributes:
+        horizontal: direction to the right, a unit vector in the root frame.
+        vertical: direction up the page, a unit vector in the root frame.
+        labels: what the two axes measure [m]; None: an oblique view, nothing to read off.
+    """
+
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    labels: tuple[str, str] | None
+
+    @property
+    def toward(self) -> np.ndarray:
+        """Direction to the viewer."""
+        return np.cross(self.horizontal, self.vertical)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Points, shape (..., 3), on the page, shape (..., 2) [m]."""
+        return points @ np.column_stack([self.horizontal, self.vertical])
+
+
+def plane_view(robot: Robot) -> View:
+    """The root's y-z plane seen from the side, up upward and the robot's axis to the right."""
+    vertical = np.array([0.0, *robot.up[1:]])
+    size = float(np.linalg.norm(vertical))
+    # With gravity across the plane there is no up in it; y takes its place.
+    vertical = vertical / size if size > 0.1 else np.array([0.0, 1.0, 0.0])
+    horizontal = np.array([0.0, -vertical[2], vertical[1]])
+    if horizontal[2] < -1e-9 or (abs(horizontal[2]) <= 1e-9 and horizontal[1] < 0):
+        horizontal = -horizontal
+    is_up = bool(np.allclose(vertical, robot.up, atol=1e-9))
+    return View(
+        horizontal,
+        vertical,
+        (_label(horizontal), "height [m]" if is_up else _label(vertical)),
+    )
+
+
+def oblique_view(robot: Robot) -> View:
+    """A view on the robot in space, up upward and the robot's axis mostly to the right."""
+    up = robot.up
+    axis = np.array([0.0, 0.0, 1.0])
+    if abs(up[2]) > 0.9:  # a standing or hanging robot
+        axis = np.array([0.0, 1.0, 0.0])
+    ahead = axis - (axis @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    side = np.cross(ahead, up)
+    level = np.cos(_AZIMUTH) * side + np.sin(_AZIMUTH) * ahead
+    viewer = np.cos(_ELEVATION) * level + np.sin(_ELEVATION) * up
+    horizontal = np.cross(up, viewer)
+    horizontal /= np.linalg.norm(horizontal)
+    return View(horizontal, np.cross(viewer, horizontal), None)
+
+
+def view_of(robot: Robot, R: np.ndarray, r: np.ndarray, name: str | None) -> View:
+    """The view of a name; without one the plane's if the discs never leave it."""
+    if name is None:
+        out_of_plane = max(np.abs(R[..., 0, 1:]).max(), np.abs(r[..., 0]).max() / robot.length)
+        name = "plane" if out_of_plane < 1e-3 else "3d"
+    return plane_view(robot) if name == "plane" else oblique_view(robot)
+
+
+def _label(direction: np.ndarray) -> str:
+    """The name of a direction, with its unit."""
+    for axis, letter in enumerate("xyz"):
+        if abs(direction[axis]) > 1 - 1e-9:
+            return f"{'-' if direction[axis] < 0 else ''}{letter} [m]"
+    return "along the plane [m]"
+
+
+def outline_of(disc: Disc) -> np.ndarray:
+    """The disc's rim, shape (n, 3) [m]; of a disc without one, the hoop that spins like it."""
+    if len(disc.outline):
+        return disc.outline
+    return _circle(disc.centre_of_mass, np.sqrt(disc.inertia[2, 2] / disc.mass))
+
+
+def _section(chamber: Chamber, k: int, disc: Disc) -> np.ndarray:
+    """Where a chamber presses on its k-th disc: the rim, or a circle of the same area."""
+    assert chamber.areas is not None and chamber.centroids is not None
+    area, centroid = chamber.areas[k], chamber.centroids[k]
+    if area == disc.area and np.array_equal(centroid, disc.centroid) and len(disc.outline):
+        return disc.outline
+    return _circle(centroid, np.sqrt(area / np.pi))
+
+
+def _circle(centre: np.ndarray, radius: float) -> np.ndarray:
+    rim = np.column_stack([np.sin(_CIRCLE), -np.cos(_CIRCLE), 0 * _CIRCLE])
+    return centre + radius * rim
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """A robot in one pose on a page; every array holds points, shape (..., 2) [m].
+
+    Attributes:
+        discs: rim of each disc, the root first.
+        order: disc numbers less one, the farthest from the viewer first.
+        threads: both ends of each thread, shape (n_discs - 1, 2, 2).
+        springs: a zigzag for each spring, shape (n_springs, n, 2).
+        chambers: chamber number less one and convex outline, for each pair of discs it spans.
+        tip: centre of mass of the last disc, shape (2,).
+    """
+
+    discs: list[np.ndarray]
+    order: np.ndarray
+    threads: np.ndarray
+    springs: np.ndarray
+    chambers: list[tuple[int, np.ndarray]]
+    tip: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """Every point, for the limits of a picture, shape (n, 2)."""
+        parts = [*self.discs, self.threads.reshape(-1, 2), self.springs.reshape(-1, 2)]
+        return np.concatenate([*parts, *(outline for _, outline in self.chambers)])
+
+
+def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
+    """Project a robot.
+
+    Args:
+        robot: the robot.
+        R: disc frames in the root frame, shape (n_discs, 3, 3).
+        r: their origins, shape (n_discs, 3) [m].
+        view: the projection.
+    """
+    flat = view.project
+
+    def placed(i: int, points: np.ndarray) -> np.ndarray:
+        return r[i] + points @ R[i].T
+
+    rims = [placed(i, outline_of(disc)) for i, disc in enumerate(robot.discs)]
+    starts = [placed(i, thread.exit_point) for i, thread in enumerate(robot.threads)]
+    ends = [
+        (placed(s.discs[0] - 1, s.start), placed(s.discs[1] - 1, s.end)) for s in robot.springs
+    ]
+    chambers = []
+    for number, chamber in enumerate(robot.chambers):
+        first, last = chamber.discs[0] - 1, chamber.discs[1] - 1
+        rings = [
+            flat(placed(i, _section(chamber, i - first, robot.discs[i])))
+            for i in range(first, last + 1)
+        ]
+        for one, other in zip(rings[:-1], rings[1:], strict=True):
+            chambers.append((number, convex_hull(np.concatenate([one, other]))))
+    return Shapes(
+        discs=[flat(rim) for rim in rims],
+        order=np.argsort([rim.mean(axis=0) @ view.toward for rim in rims], kind="stable"),
+        threads=flat(np.stack([np.array(starts), r[1:]], axis=1)),
+        springs=_zigzags(flat(np.array(ends).reshape(-1, 2, 3)), 0.04 * robot.length),
+        chambers=chambers,
+        tip=flat(placed(robot.n_discs - 1, robot.discs[-1].centre_of_mass)),
+    )
+
+
+def _zigzags(ends: np.ndarray, width: float) -> np.ndarray:
+    """Springs as zigzags between their ends, shape (n, 2, 2) -> (n, m, 2)."""
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(length, 1e-12)
+    across = across * np.minimum(width, 0.5 * length)
+    share = np.concatenate([[0.0], np.linspace(0.15, 0.85, 2 * _TEETH + 1), [1.0]])
+    swing = np.zeros(len(share))
+    swing[2:-2] = np.where(np.arange(2 * _TEETH - 1) % 2, -0.5, 0.5)
+    return (
+        ends[:, :1] + share[:, np.newaxis] * along[:, np.newaxis]
+    ) + swing[:, np.newaxis] * across[:, np.newaxis]
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Corners of the convex hull of points in the plane, shape (n, 2) (monotone chain)."""
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+
+    def half(sequence: np.ndarray) -> list[np.ndarray]:
+        corners: list[np.ndarray] = []
+        for point in sequence:
+            while len(corners) > 1 and _turn(corners[-2], corners[-1], point) <= 0:
+                corners.pop()
+            corners.append(point)
+        return corners[:-1]
+
+    return np.array(half(ordered) + half(ordered[::-1])).reshape(-1, 2)
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Disc frames at any times, by cubic Hermite interpolation of the coordinates.
+
+    Returns:
+        R, shape (m, n_discs, 3, 3), and origins r, shape (m, n_discs, 3) [m].
+    """
+    times = np.clip(np.asarray(times, dtype=float), run.t[0], run.t[-1])
+    k = np.clip(np.searchsorted(run.t, times, side="right") - 1, 0, max(len(run.t) - 2, 0))
+    after = np.minimum(k + 1, len(run.t) - 1)
+    h = run.t[after] - run.t[k]
+    s = (times - run.t[k]) / np.where(h > 0, h, 1.0)
+    rest = 1 - s
+    q = (
+        rest**2 * ((1 + 2 * s) * run.q[:, k] + s * h * run.qd[:, k])
+        + s**2 * ((3 - 2 * s) * run.q[:, after] - rest * h * run.qd[:, after])
+    )
+    n = run.model.n_discs
+    R, r = np.zeros((len(times), n, 3, 3)), np.zeros((len(times), n, 3))
+    poses = run.model.poses
+    for m, column in enumerate(q.T):
+        rotation, origin = poses(column, run.theta)
+        R[m] = np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2)
+        r[m] = np.array(origin).T
+    return R, r
+
+
+def pressure_at(run: Run, times: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Chamber pressures of the last step at or before each time, shape (n_u, m) [Pa]."""
+    return run.pressure[:, np.maximum(np.searchsorted(run.t, times, side="right") - 1, 0)]

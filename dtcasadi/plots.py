@@ -1,0 +1,185 @@
+"""Pictures of a run: a filmstrip (the paper's Fig. 3), coordinates (Fig. 4), energy and pressure.
+
+Every function returns the matplotlib Figure and writes it where a path is given: PNG, SVG or PDF
+by the file's suffix. pyplot is not used, so no display is needed and no global state changes.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .result import Run
+from .style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILION,
+    WIDTH_IN,
+    finished,
+    line_colours,
+    new_figure,
+    pressure_unit,
+    styled,
+)
+
+_GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "psi": "ψ", "phi": "φ"}
+_STILL = 1e-6  # a coordinate that changes less does not move [rad]
+
+
+@styled
+def coordinates(run: Run, path: str | Path | None = None) -> Figure:
+    """Generalized coordinates against time, the paper's Fig. 4.
+
+    One panel for each kind of coordinate, one line for each segment; coordinates that stay
+    constant are named in the title instead.
+
+    Args:
+        run: the run.
+        path: file to write, ending in .png, .svg or .pdf.
+
+    Raises:
+        PictureError: another suffix.
+        OSError: the file cannot be written.
+    """
+    kinds: dict[str, list[tuple[int, int]]] = {}
+    for row, name in enumerate(run.model.coordinate_names):
+        kind, _, segment = name.rpartition("_")
+        kinds.setdefault(kind, []).append((row, int(segment)))
+    moving = {
+        kind: rows
+        for kind, rows in kinds.items()
+        if any(np.ptp(run.q[row]) > _STILL for row, _ in rows)
+    }
+    shown = moving or kinds
+    columns = 1 if len(shown) == 1 else 2
+    lines = math.ceil(len(shown) / columns)
+    figure = new_figure(WIDTH_IN, 0.9 + 2.5 * max(lines, 1), layout="constrained")
+    if not shown:  # a chain of rigid links
+        figure.text(0.5, 0.5, "no coordinates", ha="center", va="center")
+        return finished(figure, path)
+    n_segments = run.model.n_discs - 1
+    colours = line_colours(n_segments)
+    axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
+    for place, (kind, rows) in zip(axes.flat, shown.items(), strict=False):
+        for row, segment in rows:
+            t, q = _broken(run, run.q[row])
+            place.plot(t, q, color=colours[segment - 1], label=f"segment {segment}")
+        place.set_ylabel(f"{_name(kind)} [rad]")
+        _time_axis(place, run)
+    for place in axes.flat[len(shown) :]:
+        place.remove()
+    if len(shown) % columns:  # the panel above the gap has no neighbour below to carry its times
+        axes[lines - 2, -1].tick_params(labelbottom=True)
+    for place in axes.flat[max(len(shown) - columns, 0) : len(shown)]:
+        place.set_xlabel("time [s]")
+    _segment_legend(figure, colours)
+    constant = [_name(kind) for kind in kinds if kind not in shown]
+    if constant:
+        axes[0, 0].set_title(f"constant: {', '.join(constant)}", loc="left", color=GREY)
+    return finished(figure, path)
+
+
+@styled
+def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
+    """Energies, chamber pressures, the power balance and the condition number of M against time.
+
+    Args:
+        run: the run.
+        path: file to write, ending in .png, .svg or .pdf.
+
+    Raises:
+        PictureError: another suffix.
+        OSError: the file cannot be written.
+    """
+    figure = new_figure(WIDTH_IN, 5.4, layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True)
+    energy = run.energy
+    potential = energy["potential"] - energy["potential"][0]
+    for values, label, colour, dashes in (
+        (energy["kinetic"], "kinetic", BLUE, "-"),
+        (potential, "potential, from the start", VERMILION, "-"),
+        (energy["supplied"], "supplied by pressure and loads", GREEN, "--"),
+        (energy["dissipated"], "dissipated", ORANGE, "-."),
+    ):
+        axes[0, 0].plot(energy["t"], values, dashes, color=colour, label=label)
+    axes[0, 0].set_ylabel("energy [J]")
+    _legend_above(axes[0, 0], columns=2)
+    _pressures(axes[0, 1], run)
+    axes[1, 0].plot(energy["t"], energy["residual"], color=BLACK)
+    axes[1, 0].set_ylabel("balance residual [J]")
+    axes[1, 0].ticklabel_format(axis="y", scilimits=(-3, 4))
+    axes[1, 1].semilogy(energy["t"], np.where(run.condition > 0, run.condition, np.nan), color=BLACK)
+    axes[1, 1].set_ylabel("condition number of M [-]")
+    for place in axes.flat:
+        _time_axis(place, run)
+    for place in axes[1]:
+        place.set_xlabel("time [s]")
+    return finished(figure, path)
+
+
+def _pressures(axes: Axes, run: Run) -> None:
+    factor, unit = pressure_unit(np.concatenate([run.pressure, run.u]))
+    axes.set_ylabel(f"pressure [{unit}]")
+    n_u = len(run.pressure)
+    if not n_u:
+        axes.text(0.5, 0.5, "no chambers", transform=axes.transAxes, ha="center", va="center")
+        return
+    colours = line_colours(n_u)
+    lagging = not np.array_equal(run.pressure, run.u)
+    for k, (pressure, command, colour) in enumerate(zip(run.pressure, run.u, colours, strict=True)):
+        label = "chamber" if n_u == 1 else f"chamber {k + 1}"
+        axes.plot(run.t, factor * pressure, color=colour, label=label, drawstyle=_steps(pressure))
+        if lagging:
+            label = "command" if n_u == 1 else f"command {k + 1}"
+            style = {"drawstyle": _steps(command), "label": label if n_u <= 3 else None}
+            axes.plot(run.t, factor * command, ":", color=colour, **style)
+    if n_u <= 6:
+        _legend_above(axes, columns=min(n_u * (2 if lagging and n_u <= 3 else 1), 3))
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.0), max(high, 0.0) * 1.05)
+
+
+def _steps(values: np.ndarray) -> str:
+    """How to join a pressure's samples: isolated changes are jumps, not ramps."""
+    changes = np.diff(values) != 0
+    return "default" if np.any(changes[1:] & changes[:-1]) else "steps-post"
+
+
+def _broken(run: Run, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values with a gap at each re-centring, where coordinates start anew."""
+    places = np.searchsorted(run.t, run.recentrings) if run.recentrings else np.zeros(0, int)
+    return np.insert(run.t, places, np.nan), np.insert(values, places, np.nan)
+
+
+def _time_axis(axes: Axes, run: Run) -> None:
+    end = run.t[-1] if run.t[-1] > run.t[0] else run.t[0] + 1.0
+    axes.set_xlim(run.t[0], end)
+    axes.grid(color="#dddddd", linewidth=0.6)
+    for moment in run.recentrings:
+        axes.axvline(moment, color=GREY, linewidth=0.6, linestyle=":")
+
+
+def _legend_above(axes: Axes, columns: int) -> None:
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)
+
+
+def _segment_legend(figure: Figure, colours: Sequence) -> None:
+    """One legend for all panels; of many segments the first, some between and the last."""
+    n = len(colours)
+    shown = range(n) if n <= 7 else np.unique(np.linspace(0, n - 1, 6).round().astype(int))
+    axes = figure.axes[0]
+    handles = [axes.plot([], [], color=colours[k])[0] for k in shown]
+    labels = [f"segment {k + 1}" for k in shown]
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+
+
+def _name(kind: str) -> str:
+    """A kind of coordinate as people write it."""
+    return _GREEK.get(kind, kind.replace("_", " "))
