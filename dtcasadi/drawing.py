@@ -117,7 +117,8 @@ class Shapes:
         order: disc numbers less one, the farthest from the viewer first.
         threads: both ends of each thread, shape (n_discs - 1, 2, 2).
         springs: a zigzag for each spring, shape (n_springs, n, 2).
-        chambers: chamber number less one and convex outline, for each pair of discs it spans.
+        chambers: chamber number less one and the triangles of its wall, shape (n, 3, 2), for each
+            pair of discs it spans.
         tip: centre of mass of the last disc, shape (2,).
     """
 
@@ -132,7 +133,7 @@ class Shapes:
     def points(self) -> np.ndarray:
         """Every point, for the limits of a picture, shape (n, 2)."""
         parts = [*self.discs, self.threads.reshape(-1, 2), self.springs.reshape(-1, 2)]
-        return np.concatenate([*parts, *(outline for _, outline in self.chambers)])
+        return np.concatenate([*parts, *(wall.reshape(-1, 2) for _, wall in self.chambers)])
 
 
 def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
@@ -151,9 +152,7 @@ def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
 
     rims = [placed(i, outline_of(disc)) for i, disc in enumerate(robot.discs)]
     starts = [placed(i, thread.exit_point) for i, thread in enumerate(robot.threads)]
-    ends = [
-        (placed(s.discs[0] - 1, s.start), placed(s.discs[1] - 1, s.end)) for s in robot.springs
-    ]
+    ends = [(placed(s.discs[0] - 1, s.start), placed(s.discs[1] - 1, s.end)) for s in robot.springs]
     chambers = []
     for number, chamber in enumerate(robot.chambers):
         first, last = chamber.discs[0] - 1, chamber.discs[1] - 1
@@ -162,7 +161,7 @@ def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
             for i in range(first, last + 1)
         ]
         for one, other in zip(rings[:-1], rings[1:], strict=True):
-            chambers.append((number, convex_hull(np.concatenate([one, other]))))
+            chambers.append((number, _wall(one, other)))
     return Shapes(
         discs=[flat(rim) for rim in rims],
         order=np.argsort([rim.mean(axis=0) @ view.toward for rim in rims], kind="stable"),
@@ -182,28 +181,40 @@ def _zigzags(ends: np.ndarray, width: float) -> np.ndarray:
     share = np.concatenate([[0.0], np.linspace(0.15, 0.85, 2 * _TEETH + 1), [1.0]])
     swing = np.zeros(len(share))
     swing[2:-2] = np.where(np.arange(2 * _TEETH - 1) % 2, -0.5, 0.5)
-    return (
-        ends[:, :1] + share[:, np.newaxis] * along[:, np.newaxis]
-    ) + swing[:, np.newaxis] * across[:, np.newaxis]
+    return (ends[:, :1] + share[:, np.newaxis] * along[:, np.newaxis]) + swing[
+        :, np.newaxis
+    ] * across[:, np.newaxis]
 
 
-def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Corners of the convex hull of points in the plane, shape (n, 2) (monotone chain)."""
-    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+def _wall(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Triangles that cover the space between two rims on the page, all turning the same way.
 
-    def half(sequence: np.ndarray) -> list[np.ndarray]:
-        corners: list[np.ndarray] = []
-        for point in sequence:
-            while len(corners) > 1 and _turn(corners[-2], corners[-1], point) <= 0:
-                corners.pop()
-            corners.append(point)
-        return corners[:-1]
+    Straight lines join points at the same share of both rims; the rims' insides are covered too.
+    """
+    n = max(len(one), len(other))
+    a, b = _resampled(one, n), _resampled(other, n)
+    a_next, b_next = np.roll(a, -1, axis=0), np.roll(b, -1, axis=0)
+    inside = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (a, b)]
+    corners = (
+        (a, a_next, b),
+        (a_next, b_next, b),
+        (a, a_next, inside[0]),
+        (b, b_next, inside[1]),
+    )
+    triangles = np.concatenate([np.stack(each, axis=1) for each in corners])
+    sides = triangles[:, 1:] - triangles[:, :1]
+    turned = sides[:, 0, 0] * sides[:, 1, 1] < sides[:, 0, 1] * sides[:, 1, 0]
+    triangles[turned] = triangles[turned, ::-1]
+    return triangles
 
-    return np.array(half(ordered) + half(ordered[::-1])).reshape(-1, 2)
 
-
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _resampled(ring: np.ndarray, n: int) -> np.ndarray:
+    """A closed line with n points."""
+    if len(ring) == n:
+        return ring
+    closed = np.concatenate([ring, ring[:1]])
+    place = np.arange(n) * len(ring) / n
+    return np.column_stack([np.interp(place, np.arange(len(closed)), c) for c in closed.T])
 
 
 def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -218,9 +229,8 @@ def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray,
     h = run.t[after] - run.t[k]
     s = (times - run.t[k]) / np.where(h > 0, h, 1.0)
     rest = 1 - s
-    q = (
-        rest**2 * ((1 + 2 * s) * run.q[:, k] + s * h * run.qd[:, k])
-        + s**2 * ((3 - 2 * s) * run.q[:, after] - rest * h * run.qd[:, after])
+    q = rest**2 * ((1 + 2 * s) * run.q[:, k] + s * h * run.qd[:, k]) + s**2 * (
+        (3 - 2 * s) * run.q[:, after] - rest * h * run.qd[:, after]
     )
     n = run.model.n_discs
     R, r = np.zeros((len(times), n, 3, 3)), np.zeros((len(times), n, 3))
@@ -231,7 +241,3 @@ def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray,
         r[m] = np.array(origin).T
     return R, r
 
-
-def pressure_at(run: Run, times: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Chamber pressures of the last step at or before each time, shape (n_u, m) [Pa]."""
-    return run.pressure[:, np.maximum(np.searchsorted(run.t, times, side="right") - 1, 0)]

@@ -64,6 +64,55 @@ def forward_dynamics_jacobian(g: Graphs) -> ca.Function:
     return g.top_function("forward_dynamics_jacobian", ports, qdd=qdd, **outputs)
 
 
+def with_jacobian(function: ca.Function, g: Graphs) -> ca.Function:
+    """The Function with this module's derivatives as its own, for MX graphs that call it.
+
+    `forward_dynamics` and `ode` only; CasADi would otherwise differentiate the recursion itself,
+    which takes six times the operations with four discs.
+    """
+    state = function.name() == "ode"
+    blocks = (ode_jacobian if state else forward_dynamics_jacobian)(g)
+    ports, (out,) = function.name_in(), function.name_out()
+    symbols = [ca.MX.sym(port, function.size1_in(port)) for port in ports]
+    value, *known = blocks.call(symbols)
+    by_theta = _theta_jacobian(g)
+    if state:
+        x, u, theta = symbols
+        n, actuator = g.chain.n_q, g.options.actuator
+        q, qd, a = ca.vertsplit(x, [0, n, 2 * n, x.shape[0]])
+        qdd = ca.vertsplit(value, [0, n, 2 * n, x.shape[0]])[1]
+        rows = by_theta(q, qd, qdd, actuator.pressure(a, u), theta)
+        rows = ca.vertcat(ca.MX(n, theta.shape[0]), rows, ca.MX(a.shape[0], theta.shape[0]))
+    else:
+        q, qd, pressure, _, theta = symbols
+        rows = by_theta(q, qd, value, pressure, theta)
+    unused = ca.MX.sym(f"out_{out}", *function.size_out(0))
+    jacobian = ca.Function(
+        f"jac_{function.name()}",
+        [*symbols, unused],
+        [*known, rows],
+        [*ports, unused.name()],
+        [f"jac_{out}_{port}" for port in ports],
+    )
+    symbols = [g.chain.asm.sym(port, function.size1_in(port)) for port in ports]
+    options = {"custom_jacobian": jacobian, "jac_penalty": 0, "cse": True}
+    return ca.Function(function.name(), symbols, function.call(symbols), ports, [out], options)
+
+
+def _theta_jacobian(g: Graphs) -> ca.Function:
+    """D qdd / d theta = -M^-1 d tau/d theta at (q, qd, qdd, pressure, theta).
+
+    In block `frames` along rotations only: off them A^T is no inverse, and no number has a meaning.
+    """
+    tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
+    mass = Derivatives(g, g.q, g.qd, g.qdd, None).mass_matrix()
+    ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
+    parts = ca.Function("theta_part", ports, [mass, ca.jacobian(tau, g.theta)], OPTIONS)
+    symbols = [ca.MX.sym(f"a{i}", port.shape[0]) for i, port in enumerate(ports)]
+    M, by_theta = parts.call(symbols)
+    return ca.Function("theta_jacobian", symbols, [solve_spd(M, -by_theta, native=False)])
+
+
 def ode_jacobian(g: Graphs) -> ca.Function:
     """State equation with its Jacobians."""
     x, u = g.top("x"), g.top("u")

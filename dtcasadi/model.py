@@ -76,7 +76,8 @@ class Model:
 
     Every Function is symbolic (DM, SX or MX, positional or by keyword, differentiable) and has
     `theta` as its last port; `model.theta0` holds the robot's own numbers. `compiled(name)` gives
-    its C twin. Made by `dtcasadi.build`; immutable.
+    its C twin. `forward_dynamics` and `ode` carry their
+    derivative from `jacobians`. Made by `dtcasadi.build`; immutable.
 
     Attributes:
         robot: the robot it was built from.
@@ -165,7 +166,10 @@ class Model:
         if name not in _BUILDERS:
             raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
         if name not in self._functions:
-            self._functions[name] = _BUILDERS[name](self._graphs)
+            function = _BUILDERS[name](self._graphs)
+            if name in ("forward_dynamics", "ode"):
+                function = jacobians.with_jacobian(function, self._graphs)
+            self._functions[name] = function
         return self._functions[name]
 
     def compiled(self, name: str) -> Bound:

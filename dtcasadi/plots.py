@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
+from .artists import Box, legend_handles, set_stage
+from .motion import Motion, checked_times, telling_times
 from .result import Run
 from .style import (
     BLACK,
@@ -30,7 +31,74 @@ from .style import (
 )
 
 _GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "psi": "ψ", "phi": "φ"}
+_HEIGHT_IN = 4.6  # wanted height of a filmstrip
 _STILL = 1e-6  # a coordinate that changes less does not move [rad]
+
+
+@styled
+def filmstrip(
+    run: Run,
+    path: str | Path | None = None,
+    times: Sequence[float] | None = None,
+    view: str | None = None,
+) -> Figure:
+    """Frames of the robot at several times, the paper's Fig. 3: discs, threads, springs, chambers.
+
+    Args:
+        run: the run.
+        path: file to write, ending in .png, .svg or .pdf.
+        times: when to show it [s]; default: eight times, evenly spread along the way that the
+            last disc has gone.
+        view: `plane`, the root's y-z plane from the side; `3d`; by default the plane if the robot
+            stays in it.
+
+    Raises:
+        PictureError: another suffix, an unknown view, or times outside the run.
+        OSError: the file cannot be written.
+    """
+    moments = telling_times(run) if times is None else checked_times(run, times)
+    motion = Motion.of(run, moments, view)
+    figure, panels, columns = _grid(motion.box, len(moments), motion.view.labels is not None)
+    for k, axes in enumerate(panels):
+        below = k + columns < len(panels)
+        set_stage(axes, motion.view, motion.box, left=k % columns == 0, bottom=not below)
+        motion.artists_on(axes).show(*motion.frame(k))
+        axes.set_title(motion.caption(k), pad=4)
+        if k == 0:
+            motion.add_signs(axes, 0)
+    handles = legend_handles(run.model.robot)
+    figure.legend(
+        handles.values(), handles, loc="upper center", ncols=len(handles), borderaxespad=0.2
+    )
+    return finished(figure, path)
+
+
+def _grid(box: Box, n: int, labelled: bool) -> tuple[Figure, list[Axes], int]:
+    """A figure with n equal panels of the box's shape, by rows, and how many fit in a row."""
+    left, bottom = (0.55, 0.5) if labelled else (0.1, 0.1)
+    right, top, gap, title = 0.1, 0.35, 0.12, 0.26  # [in]
+    aspect = box.size[0] / box.size[1]
+
+    def heights(columns: int) -> tuple[float, float]:
+        width = (WIDTH_IN - left - right - (columns - 1) * gap) / columns
+        rows = math.ceil(n / columns)
+        return width / aspect, rows * (width / aspect + title) + (rows - 1) * gap + bottom + top
+
+    def cost(columns: int) -> float:
+        return abs(heights(columns)[1] - _HEIGHT_IN) + 0.5 * (-n % columns)
+
+    columns = min(range(1, n + 1), key=cost)
+    height, total = heights(columns)
+    width = height * aspect
+    figure = new_figure(WIDTH_IN, total)
+    panels = []
+    for k in range(n):
+        row, column = divmod(k, columns)
+        x = left + column * (width + gap)
+        y = total - top - (row + 1) * (height + title) - row * gap
+        rectangle = (x / WIDTH_IN, y / total, width / WIDTH_IN, height / total)
+        panels.append(figure.add_axes(rectangle))
+    return figure, panels, columns
 
 
 @styled
@@ -104,8 +172,8 @@ def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
     potential = energy["potential"] - energy["potential"][0]
     for values, label, colour, dashes in (
         (energy["kinetic"], "kinetic", BLUE, "-"),
-        (potential, "potential, from the start", VERMILION, "-"),
-        (energy["supplied"], "supplied by pressure and loads", GREEN, "--"),
+        (potential, "potential − start", VERMILION, "-"),
+        (energy["supplied"], "supplied", GREEN, "--"),
         (energy["dissipated"], "dissipated", ORANGE, "-."),
     ):
         axes[0, 0].plot(energy["t"], values, dashes, color=colour, label=label)
@@ -115,7 +183,10 @@ def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
     axes[1, 0].plot(energy["t"], energy["residual"], color=BLACK)
     axes[1, 0].set_ylabel("balance residual [J]")
     axes[1, 0].ticklabel_format(axis="y", scilimits=(-3, 4))
-    axes[1, 1].semilogy(energy["t"], np.where(run.condition > 0, run.condition, np.nan), color=BLACK)
+    finite = np.where(np.isfinite(run.condition), run.condition, np.nan)
+    axes[1, 1].plot(energy["t"], finite, color=BLACK)
+    if np.nanmax(finite, initial=1.0) > 20 * np.nanmin(finite, initial=np.inf):
+        axes[1, 1].set_yscale("log")
     axes[1, 1].set_ylabel("condition number of M [-]")
     for place in axes.flat:
         _time_axis(place, run)
@@ -125,22 +196,23 @@ def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
 
 
 def _pressures(axes: Axes, run: Run) -> None:
-    factor, unit = pressure_unit(np.concatenate([run.pressure, run.u]))
+    pressures = run.pressure
+    factor, unit = pressure_unit(float(np.abs([pressures, run.u]).max(initial=0.0)))
     axes.set_ylabel(f"pressure [{unit}]")
-    n_u = len(run.pressure)
+    n_u = len(pressures)
     if not n_u:
         axes.text(0.5, 0.5, "no chambers", transform=axes.transAxes, ha="center", va="center")
         return
     colours = line_colours(n_u)
-    lagging = not np.array_equal(run.pressure, run.u)
-    for k, (pressure, command, colour) in enumerate(zip(run.pressure, run.u, colours, strict=True)):
+    lagging = not np.array_equal(pressures, run.u)
+    for k, (pressure, command, colour) in enumerate(zip(pressures, run.u, colours, strict=True)):
         label = "chamber" if n_u == 1 else f"chamber {k + 1}"
         axes.plot(run.t, factor * pressure, color=colour, label=label, drawstyle=_steps(pressure))
         if lagging:
             label = "command" if n_u == 1 else f"command {k + 1}"
             style = {"drawstyle": _steps(command), "label": label if n_u <= 3 else None}
             axes.plot(run.t, factor * command, ":", color=colour, **style)
-    if n_u <= 6:
+    if lagging or 1 < n_u <= 6:
         _legend_above(axes, columns=min(n_u * (2 if lagging and n_u <= 3 else 1), 3))
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0), max(high, 0.0) * 1.05)

@@ -35,8 +35,6 @@ def read_springs(table: Table, discs: Discs) -> list[Spring]:
     for number, content in enumerate(table.tables("springs", default=()), 1):
         part = Table(table.faults, f"{table.path}.springs[{number}]", content)
         springs += _read_spring_table(part, discs, MAX_SPRINGS - len(springs))
-        if table.faults.full:
-            break
     return springs
 
 

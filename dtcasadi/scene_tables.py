@@ -32,7 +32,7 @@ class Faults:
             self._more += 1
             return
         where = f"{path}: " if path else ""
-        self._lines.append(printable(f"{self._source}: {where}expected {expected}, got {got}"))
+        self._lines.append(f"{self._source}: {where}expected {expected}, got {got}")
 
     @property
     def full(self) -> bool:

@@ -98,7 +98,7 @@ def _or(words: Sequence[str]) -> str:
 
 
 def line_colours(n: int) -> list[Any]:
-    """n colours for lines: distinct ones while there are enough, then a sequence."""
+    """Colours for n lines: distinct ones while there are enough, then a sequence."""
     if n <= len(LINES):
         return list(LINES[:n])
     return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.92, n)))
@@ -109,6 +109,6 @@ def faded(colour: str, opacity: float) -> tuple[float, float, float, float]:
     return to_rgba(colour, opacity)
 
 
-def pressure_unit(pressure: np.ndarray) -> tuple[float, str]:
-    """Factor and name of the unit that suits these pressures."""
-    return (1e-3, "kPa") if np.abs(pressure).max(initial=0.0) >= 1e4 else (1.0, "Pa")
+def pressure_unit(largest: float) -> tuple[float, str]:
+    """Factor and name of the unit that suits pressures up to the largest absolute one [Pa]."""
+    return (1e-3, "kPa") if largest >= 1e4 else (1.0, "Pa")

@@ -1,5 +1,10 @@
 """Scene files for tests: a small valid one, and one that uses every key of the format."""
 
+import pytest
+
+from dtcasadi.errors import SceneError
+from dtcasadi.scene import Scene, parse_scene
+
 SMALL = """\
 schema = 1
 [robot]
@@ -124,6 +129,32 @@ atol = 1e-9
 method = "rk4"
 step_ms = 0.5
 """
+
+
+# Two chambers, and the header that a pressure can be appended to.
+PRESSED = (
+    SMALL
+    + """\
+[[robot.chambers]]
+discs = "all"
+[[robot.chambers]]
+discs = [1, 2]
+[pressure]
+"""
+)
+
+
+def parse(text: str) -> Scene:
+    """The scene of a text."""
+    return parse_scene(text.encode(), "f.toml", "scene")
+
+
+def errors_of(text: str) -> list[str]:
+    """The error lines of a text, without the file's name."""
+    with pytest.raises(SceneError) as caught:
+        parse(text)
+    assert all(line.startswith("f.toml: ") for line in caught.value.errors)
+    return [line.removeprefix("f.toml: ") for line in caught.value.errors]
 
 
 def edited(text: str, old: str, new: str) -> str:

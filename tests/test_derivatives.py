@@ -27,6 +27,7 @@ ROUND_OFF = 1e-11  # a derivative takes a few times the operations of its functi
 
 def exact(function: ca.Function, arguments: tuple, ports: int) -> list[np.ndarray]:
     """Jacobians of the first output for the first ports, one direction at a time."""
+    function = function.expand()  # the plain expression, without the derivative it carries
     values = numbers(function, *arguments)
     values = [values] if isinstance(values, np.ndarray) else list(values)
     forward = function.forward(1)
@@ -72,3 +73,44 @@ def test_options(rng, options):
     assert error(xdot, numbers(model.ode, x, command, theta)) < ROUND_OFF
     for mine, reference in zip(value, exact(model.ode, (x, command, theta), 2), strict=True):
         assert error(mine, reference) < 1e-9
+
+
+def rotations_only(model: dtc.Model) -> np.ndarray:
+    """Directions of theta in which the block `frames` stays rotations (elsewhere all)."""
+    block = model.theta_blocks["frames"]
+    columns = list(np.eye(len(model.theta0))[:, block.stop :].T)
+    for start in range(block.start, block.stop, 9):
+        matrix = model.theta0[start : start + 9].reshape(3, 3, order="F")
+        for axis in np.eye(3):
+            column = np.zeros(len(model.theta0))
+            column[start : start + 9] = np.cross(axis, matrix.T).T.ravel(order="F")
+            columns.append(column)
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("assembly", ["flat", "graph"])
+@pytest.mark.parametrize("name", ["ode", "forward_dynamics"])
+def test_derivatives_carried_by_functions(rng, name, assembly):
+    """What MX graphs that call them get, theta included, is the plain expression's derivative."""
+    model = dtc.build(
+        cases.robot(3),
+        chart=list(CHARTS),
+        assembly=assembly,
+        parameters=["springs.stiffness", "discs[3].mass"],
+        wrenches=[3],
+        actuator="regulator",
+    )
+    function = model.function(name)
+    sizes = [function.size1_in(port) for port in function.name_in()]
+    arguments = [rng.normal(size=n) for n in sizes[:-1]] + [model.theta0]
+    inner = [ca.MX.sym(f"v{i}", n) for i, n in enumerate(sizes)]
+    value = function(*inner)
+    outer = ca.Function("outer", inner, [ca.jacobian(value, port) for port in inner])
+    assert any(f.name().startswith("jac_") for f in map(outer.get_function, outer.get_function()))
+    references = exact(function, tuple(arguments), len(sizes))
+    allowed = [np.eye(n) for n in sizes]
+    allowed[-1] = rotations_only(model)
+    for mine, reference, directions in zip(
+        outer(*arguments), references, allowed, strict=True
+    ):
+        assert error(mine.full() @ directions, reference @ directions) < 1e-9  # cond(M)

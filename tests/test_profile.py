@@ -1,5 +1,8 @@
 """Tests of dtcasadi.profile."""
 
+# mypy: disable-error-code="arg-type"
+# Lists stand for arrays, and wrong types are the subject.
+
 import dataclasses
 import pickle
 

@@ -3,6 +3,7 @@
 import random
 import re
 from importlib import resources
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,13 +117,14 @@ def is_scene(data: bytes) -> bool:
 
 def assert_sound(scene: Scene) -> None:
     robot = scene.robot
-    numbers = [scene.q0, scene.qd0, scene.pressure.values, robot.up, scene.t_end]
+    numbers: list[Any] = [scene.q0, scene.qd0, scene.pressure.values, robot.up, scene.t_end]
     numbers += [a for d in robot.discs for a in (d.mass, d.inertia, d.centre_of_mass, d.centroid)]
     numbers += [a for s in robot.springs for a in (s.start, s.end, s.stiffness, s.rest_length)]
     numbers += [a for t in robot.threads for a in (t.length, t.exit_point, t.bend, t.twist)]
     numbers += [a for c in robot.chambers for a in (c.areas, c.centroids)]
     assert all(np.all(np.isfinite(number)) for number in numbers)
     assert scene.pressure.n_u == len(robot.chambers)
+    assert scene.initial_chart is not None and isinstance(robot.damping, tuple)
     assert len(scene.initial_chart) == len(robot.threads) == len(robot.damping)
     assert len(scene.q0) == len(scene.qd0)
     assert scene.t_end > 0 and scene.title.isprintable()

@@ -1,0 +1,203 @@
+"""The robot on matplotlib axes: artists that follow its poses, gravity, directions and scale."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.path import Path
+from matplotlib.ticker import MaxNLocator
+
+from .drawing import Shapes, View
+from .robot import Robot
+from .style import BLACK, BLUE, CHAMBERS, GREY, PURPLE, VERMILION, faded
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Limits of a picture on the page [m]; the footer is a strip at its bottom left free."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    footer: float = 0.0
+
+    @classmethod
+    def around(cls, points: np.ndarray, footer: bool = False) -> "Box":
+        """The points with a margin, neither side shorter than a third of the other."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = high - low
+        size = np.maximum(1.12 * size, 0.33 * size.max() or 1.0)
+        middle = (low + high) / 2
+        low, high = middle - size / 2, middle + size / 2
+        strip = 0.12 * min(size) if footer else 0.0
+        return cls(low[0], high[0], low[1] - strip, high[1], strip)
+
+    @property
+    def size(self) -> np.ndarray:
+        """Width and height [m]."""
+        return np.array([self.right - self.left, self.top - self.bottom])
+
+    def free_corners(self, points: np.ndarray) -> np.ndarray:
+        """Places near the four corners, the one farthest from all points first, shape (4, 2)."""
+        inset = 0.14 * min(self.size)
+        places = np.array(
+            [
+                (x, y)
+                for x in (self.right - inset, self.left + inset)
+                for y in (self.top - 1.3 * inset, self.bottom + self.footer + 1.3 * inset)
+            ]
+        )
+        gaps = np.linalg.norm(places[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
+        return places[np.argsort(-gaps, kind="stable")]
+
+
+class RobotArtists:
+    """A robot's discs, threads, springs and chambers on axes, moved from pose to pose.
+
+    Attributes:
+        discs, threads, springs, chambers, path: the artists.
+    """
+
+    def __init__(self, axes: Axes, robot: Robot, full_pressure: float):
+        """Put empty artists on the axes.
+
+        Args:
+            axes: where to draw.
+            robot: the robot; the root disc is drawn in grey.
+            full_pressure: absolute pressure at which a chamber has its strongest colour [Pa].
+        """
+        self._full = full_pressure
+        edges = [GREY] + [BLUE] * (robot.n_discs - 1)
+        self._edges = np.array([faded(edge, 1.0) for edge in edges])
+        self._faces = np.array([faded(edge, 0.22) for edge in edges])
+        self.chambers = PathCollection([], linewidths=0.0, zorder=1)
+        self.path = Line2D([], [], color=PURPLE, linewidth=1.0, linestyle=":", zorder=1.5)
+        self.springs = LineCollection([], colors=VERMILION, linewidths=0.7, zorder=2)
+        self.discs = PolyCollection([], linewidths=2.0, joinstyle="round", zorder=3)
+        self.threads = LineCollection([], colors=BLACK, linewidths=1.6, zorder=4)
+        for collection in (self.chambers, self.springs, self.discs, self.threads):
+            axes.add_collection(collection, autolim=False)
+        axes.add_line(self.path)
+
+    def show(self, shapes: Shapes, pressure: np.ndarray, path: np.ndarray) -> None:
+        """Move everything to a pose.
+
+        Args:
+            shapes: the pose.
+            pressure: of each chamber, shape (n_u,) [Pa].
+            path: where the last disc's centre of mass has been, shape (n, 2) [m].
+        """
+        self.discs.set_verts([shapes.discs[i] for i in shapes.order])
+        self.discs.set_edgecolors(self._edges[shapes.order])
+        self.discs.set_facecolors(self._faces[shapes.order])
+        self.threads.set_segments(list(shapes.threads))
+        self.springs.set_segments(list(shapes.springs))
+        self.chambers.set_paths([_union(wall) for _, wall in shapes.chambers])
+        self.chambers.set_facecolors([self._shade(k, pressure[k]) for k, _ in shapes.chambers])
+        self.path.set_data(path[:, 0], path[:, 1])
+
+    def _shade(self, chamber: int, pressure: float) -> tuple[float, float, float, float]:
+        share = min(abs(pressure) / self._full, 1.0) if self._full > 0 else 0.0
+        return faded(CHAMBERS[chamber % len(CHAMBERS)], 0.08 + 0.42 * share)
+
+
+def _union(triangles: np.ndarray) -> Path:
+    """One path that fills what any of the triangles covers, once (non-zero winding)."""
+    closed = np.concatenate([triangles, triangles[:, :1]], axis=1).reshape(-1, 2)
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(triangles)
+    return Path(closed, codes)
+
+
+def legend_handles(robot: Robot) -> dict[str, Line2D | Patch]:
+    """What a legend shows, by label."""
+    handles: dict[str, Line2D | Patch] = {
+        "root": Line2D([], [], color=GREY, linewidth=2.0),
+        "disc": Line2D([], [], color=BLUE, linewidth=2.0),
+        "thread": Line2D([], [], color=BLACK, linewidth=1.6),
+    }
+    if robot.springs:
+        handles["spring"] = Line2D([], [], color=VERMILION, linewidth=0.9)
+    n = len(robot.chambers)
+    for k in range(min(n, 3)):
+        label = "chamber" if n == 1 else f"chamber {k + 1}"
+        handles[label] = Patch(color=faded(CHAMBERS[k], 0.5), linewidth=0)
+    label = f"path of disc {robot.n_discs}"
+    handles[label] = Line2D([], [], color=PURPLE, linewidth=1.0, linestyle=":")
+    return handles
+
+
+def set_stage(axes: Axes, view: View, box: Box, *, left: bool = True, bottom: bool = True) -> None:
+    """Limits, equal scales, and axes to read off where the view has them.
+
+    Args:
+        axes: the axes.
+        view: the view drawn.
+        box: its limits.
+        left: whether to write the vertical axis's numbers and name.
+        bottom: whether to write those of the horizontal one.
+    """
+    axes.set_xlim(box.left, box.right)
+    axes.set_ylim(box.bottom, box.top)
+    axes.set_aspect("equal", adjustable="box")
+    if view.labels is None:
+        axes.set_axis_off()
+        return
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axes.tick_params(labelleft=left, labelbottom=bottom, length=2.5)
+    if bottom:
+        axes.set_xlabel(view.labels[0])
+    if left:
+        axes.set_ylabel(view.labels[1])
+
+
+def add_gravity(axes: Axes, robot: Robot, view: View, box: Box, place: np.ndarray) -> None:
+    """An arrow along gravity at a place on the page; across the page, words instead."""
+    if robot.gravity == 0:
+        return
+    down = view.project(-robot.up)
+    if np.linalg.norm(down) < 0.1:
+        way = "into" if robot.up @ view.toward > 0 else "out of"
+        axes.text(*place, f"g {way}\nthe page", color=BLACK, ha="center", va="center", zorder=5)
+        return
+    down = down / np.linalg.norm(down)
+    size = min(box.size)
+    axes.annotate(
+        "",
+        xy=place + 0.08 * size * down,
+        xytext=place - 0.08 * size * down,
+        arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2},
+        zorder=5,
+    )
+    beside = place + 0.06 * size * np.array([-abs(down[1]), abs(down[0])])
+    axes.text(*beside, "g", color=BLACK, style="italic", ha="center", va="center", zorder=5)
+
+
+def add_directions(axes: Axes, view: View, box: Box, place: np.ndarray) -> None:
+    """The root's x, y and z at a place on the page."""
+    size = min(box.size)
+    for letter, direction in zip("xyz", view.project(np.eye(3)), strict=True):
+        ends = np.array([place, place + 0.1 * size * direction])
+        axes.plot(*ends.T, color=GREY, linewidth=1.0, zorder=0.5)
+        if np.linalg.norm(direction) > 0.15:
+            label = place + 0.14 * size * direction
+            axes.text(*label, letter, color=GREY, ha="center", va="center", fontsize=8)
+
+
+def add_scale(axes: Axes, box: Box) -> None:
+    """A length to compare with in the footer."""
+    length = _round_length(0.3 * min(box.size))
+    x, y = box.left + 0.04 * box.size[0], box.bottom + 0.25 * box.footer
+    axes.plot([x, x + length], [y, y], color=GREY, linewidth=2.0, zorder=0.5)
+    label = (x + length + 0.02 * box.size[0], y)
+    axes.text(*label, f"{length:g} m", color=GREY, va="center", fontsize=8)
+
+
+def _round_length(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(m for m in (1, 2, 5) if m * power <= length * (1 + 1e-9)) * power)
