@@ -6,10 +6,13 @@ import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
@@ -20,7 +23,7 @@ from .style import PictureError, checked_suffix, new_figure, styled
 
 SUFFIXES = (".gif", ".mp4")
 # Moving pictures are looked at closely by nobody, and each frame costs time.
-_WIDTH_IN, _DPI = 6.0, 100
+_WIDTH_IN, _DPI = 5.2, 100
 _PATIENCE_S = 1.0
 
 
@@ -28,7 +31,7 @@ _PATIENCE_S = 1.0
 def animate(
     run: Run,
     path: str | Path,
-    fps: float = 25.0,
+    fps: int = 25,
     *,
     speed: float = 1.0,
     max_frames: int = 500,
@@ -53,11 +56,11 @@ def animate(
         PictureError: another suffix, ffmpeg is missing or fails, or an argument out of range.
         OSError: the file cannot be written; an older one is left as it was.
     """
-    target = checked_suffix(path, SUFFIXES)
+    target = checked_film(path)
     writer = _writer(target.suffix.lower(), fps)
     times, shown_speed = frame_times(run, fps, speed, max_frames)
     motion = Motion.of(run, times, view)
-    figure, axes = _stage(motion)
+    figure, axes = _over(_stage(motion))
     # The name's end tells the writers the format; the folder is on the target's file system.
     with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
         scratch = Path(folder) / f"film{target.suffix.lower()}"
@@ -83,39 +86,81 @@ def frame_times(run: Run, fps: float, speed: float, max_frames: int) -> tuple[np
     return np.minimum(run.t[0] + np.arange(n) * speed / fps, run.t[-1]), speed
 
 
-def _writer(suffix: str, fps: float) -> AbstractMovieWriter:
+def checked_film(path: str | Path) -> Path:
+    """The path, if an animation of its kind can be made here.
+
+    Raises:
+        PictureError: another suffix, or ffmpeg is missing for an .mp4.
+    """
+    target = checked_suffix(path, SUFFIXES)
+    if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise PictureError(f"{target}: .mp4 needs ffmpeg on PATH; install it, or ask for a .gif")
+    return target
+
+
+def _writer(suffix: str, fps: int) -> AbstractMovieWriter:
     if suffix == ".gif":
         return PillowWriter(fps=fps)
-    if not FFMpegWriter.isAvailable():
-        raise PictureError("an .mp4 needs ffmpeg, which is not on PATH: install it, or ask for .gif")
     return FFMpegWriter(fps=fps, codec="h264", extra_args=["-pix_fmt", "yuv420p"])
 
 
 def _stage(motion: Motion) -> tuple[Figure, Axes]:
     """A figure with one panel and everything that does not move."""
-    left, right, bottom, top = (0.6, 0.15, 0.5, 0.7) if motion.view.labels else (0.1, 0.1, 0.1, 0.7)
-    shape = motion.box.size[1] / motion.box.size[0]
+    handles = legend_handles(motion.run.model.robot)
+    columns = min(len(handles), 6)
+    top = 0.5 + 0.2 * math.ceil(len(handles) / columns)
+    left, right, bottom = (0.72, 0.15, 0.5) if motion.view.labels else (0.1, 0.1, 0.1)
     width = _WIDTH_IN - left - right
-    height = min(max(width * shape, 1.5), 5.0)
+    height = min(max(width * motion.box.size[1] / motion.box.size[0], 1.5), 5.0)
     total = height + bottom + top
     figure = new_figure(_WIDTH_IN, total)
-    axes = figure.add_axes(
-        (left / _WIDTH_IN, bottom / total, width / _WIDTH_IN, height / total)
-    )
+    axes = figure.add_axes((left / _WIDTH_IN, bottom / total, width / _WIDTH_IN, height / total))
     set_stage(axes, motion.view, motion.box)
-    motion.add_signs(axes, 0)
-    handles = legend_handles(motion.run.model.robot)
+    # Every fifth frame tells well enough where there is room.
+    motion.add_signs(axes, range(0, len(motion.times), 5))
     figure.legend(
         handles.values(),
         handles,
         loc="upper center",
-        ncols=len(handles),
+        ncols=columns,
         borderaxespad=0.2,
         columnspacing=1.0,
         handlelength=1.5,
         fontsize=8,
     )
     return figure, axes
+
+
+class _Backdrop(Artist):
+    """Pixels that were drawn before."""
+
+    zorder = -1.0
+
+    def __init__(self, pixels: object):
+        super().__init__()
+        self._pixels = pixels
+
+    def draw(self, renderer: Any) -> None:
+        """Copy them to the page."""
+        renderer.restore_region(self._pixels)
+
+
+def _over(stage: tuple[Figure, Axes]) -> tuple[Figure, Axes]:
+    """A figure with the given one as a still picture behind empty axes in the same place.
+
+    Drawing words and axes anew in every frame would take several times as long as the robot.
+    """
+    still, axes = stage
+    still.set_dpi(_DPI)
+    canvas = FigureCanvasAgg(still)
+    canvas.draw()
+    figure = new_figure(*still.get_size_inches())
+    figure.add_artist(_Backdrop(canvas.copy_from_bbox(still.bbox)))
+    over = figure.add_axes(axes.get_position().bounds)
+    over.set_axis_off()
+    over.set_xlim(axes.get_xlim())
+    over.set_ylim(axes.get_ylim())
+    return figure, over
 
 
 def _film(
@@ -128,7 +173,9 @@ def _film(
 ) -> None:
     """Draw and write every frame."""
     artists = motion.artists_on(axes)
-    title = axes.set_title("", pad=4)
+    place = axes.get_position()
+    # An axes title would be laid out anew in every frame.
+    title = figure.text((place.x0 + place.x1) / 2, place.y1 + 0.01, "", ha="center", va="bottom")
     faster = "" if speed == 1 else f" ({speed:.3g} times as fast)"
     numbers = tqdm(
         range(len(motion.times)),
@@ -150,4 +197,5 @@ def _film(
             raise
         writer.finish()
     except subprocess.CalledProcessError as error:
-        raise PictureError(f"ffmpeg failed: {error}")
+        reason = (error.stderr or str(error)).strip().splitlines()[-1]
+        raise PictureError(f"ffmpeg failed: {reason}") from error

@@ -71,14 +71,15 @@ class RobotArtists:
             full_pressure: absolute pressure at which a chamber has its strongest colour [Pa].
         """
         self._full = full_pressure
+        width = min(max(16.0 / robot.n_discs, 0.6), 2.0)  # many discs, thin lines
         edges = [GREY] + [BLUE] * (robot.n_discs - 1)
         self._edges = np.array([faded(edge, 1.0) for edge in edges])
         self._faces = np.array([faded(edge, 0.22) for edge in edges])
         self.chambers = PathCollection([], linewidths=0.0, zorder=1)
         self.path = Line2D([], [], color=PURPLE, linewidth=1.0, linestyle=":", zorder=1.5)
-        self.springs = LineCollection([], colors=VERMILION, linewidths=0.7, zorder=2)
-        self.discs = PolyCollection([], linewidths=2.0, joinstyle="round", zorder=3)
-        self.threads = LineCollection([], colors=BLACK, linewidths=1.6, zorder=4)
+        self.springs = LineCollection([], colors=VERMILION, linewidths=0.35 * width, zorder=2)
+        self.discs = PolyCollection([], linewidths=width, joinstyle="round", zorder=3)
+        self.threads = LineCollection([], colors=BLACK, linewidths=0.8 * width, zorder=4)
         for collection in (self.chambers, self.springs, self.discs, self.threads):
             axes.add_collection(collection, autolim=False)
         axes.add_line(self.path)
@@ -92,12 +93,12 @@ class RobotArtists:
             path: where the last disc's centre of mass has been, shape (n, 2) [m].
         """
         self.discs.set_verts([shapes.discs[i] for i in shapes.order])
-        self.discs.set_edgecolors(self._edges[shapes.order])
-        self.discs.set_facecolors(self._faces[shapes.order])
+        self.discs.set_edgecolor(self._edges[shapes.order])
+        self.discs.set_facecolor(self._faces[shapes.order])
         self.threads.set_segments(list(shapes.threads))
         self.springs.set_segments(list(shapes.springs))
         self.chambers.set_paths([_union(wall) for _, wall in shapes.chambers])
-        self.chambers.set_facecolors([self._shade(k, pressure[k]) for k, _ in shapes.chambers])
+        self.chambers.set_facecolor([self._shade(k, pressure[k]) for k, _ in shapes.chambers])
         self.path.set_data(path[:, 0], path[:, 1])
 
     def _shade(self, chamber: int, pressure: float) -> tuple[float, float, float, float]:
@@ -162,19 +163,37 @@ def add_gravity(axes: Axes, robot: Robot, view: View, box: Box, place: np.ndarra
     down = view.project(-robot.up)
     if np.linalg.norm(down) < 0.1:
         way = "into" if robot.up @ view.toward > 0 else "out of"
-        axes.text(*place, f"g {way}\nthe page", color=BLACK, ha="center", va="center", zorder=5)
+        axes.text(
+            place[0],
+            place[1],
+            f"g {way}\nthe page",
+            color=BLACK,
+            ha="center",
+            va="center",
+            zorder=5,
+        )
         return
     down = down / np.linalg.norm(down)
-    size = min(box.size)
+    reach = 0.08 * min(box.size) * down
+    arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2}
     axes.annotate(
-        "",
-        xy=place + 0.08 * size * down,
-        xytext=place - 0.08 * size * down,
-        arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2},
+        "", xy=_pair(place + reach), xytext=_pair(place - reach), arrowprops=arrow, zorder=5
+    )
+    axes.annotate(
+        "g",
+        xy=_pair(place),
+        xytext=_pair(9.0 * np.array([-abs(down[1]), abs(down[0])])),
+        textcoords="offset points",
+        color=BLACK,
+        style="italic",
+        ha="center",
+        va="center",
         zorder=5,
     )
-    beside = place + 0.06 * size * np.array([-abs(down[1]), abs(down[0])])
-    axes.text(*beside, "g", color=BLACK, style="italic", ha="center", va="center", zorder=5)
+
+
+def _pair(point: np.ndarray) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
 
 
 def add_directions(axes: Axes, view: View, box: Box, place: np.ndarray) -> None:
@@ -185,7 +204,7 @@ def add_directions(axes: Axes, view: View, box: Box, place: np.ndarray) -> None:
         axes.plot(*ends.T, color=GREY, linewidth=1.0, zorder=0.5)
         if np.linalg.norm(direction) > 0.15:
             label = place + 0.14 * size * direction
-            axes.text(*label, letter, color=GREY, ha="center", va="center", fontsize=8)
+            axes.text(label[0], label[1], letter, color=GREY, ha="center", va="center", fontsize=8)
 
 
 def add_scale(axes: Axes, box: Box) -> None:

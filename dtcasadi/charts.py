@@ -7,12 +7,13 @@ rotation axes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
 import numpy as np
 
 from .errors import ChartError
-from .kernels.axes import axes_at_end, word_rotation
+from .kernels.axes import axes_at_end, head, tail, word_rotation
 from .kernels.kinematics import Words
 from .robot import Robot, Thread
 
@@ -107,57 +108,69 @@ def convert(
         if old is new:
             parts.append((q[mine], qd[mine]))
             continue
-        parts.append(_convert_segment(i + 1, robot.threads[i], old, new, q[mine], qd[mine]))
+        thread = robot.threads[i]
+        parts.append(convert_segment(i + 1, (thread, old), (thread, new), q[mine], qd[mine]))
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))  # type: ignore[return-value]
 
 
 def rates_map(thread: Thread, words: Words, q: np.ndarray) -> np.ndarray:
     """G = [E; -[t]x E_thread]: relative angular velocity and t-dot in frame i, shape (6, n_q)."""
-    k = len(words.thread)
-    c, s = ca.DM(np.cos(q)), ca.DM(np.sin(q))
-    R_t = np.array(ca.DM(word_rotation(words.thread, c[:k], s[:k])))
-    R_d = np.array(ca.DM(word_rotation(words.disc, c[k:], s[k:])))
+    R_t, R_d, thread_axes, disc_axes = _turned(words, q)
     T = thread.bend @ R_t
-    thread_axes = T @ np.array(ca.DM(axes_at_end(words.thread, c, s))).reshape(3, k)
-    disc = np.array(ca.DM(axes_at_end(words.disc, c[k:], s[k:]))).reshape(3, words.n_q - k)
-    E = np.hstack([thread_axes, T @ thread.twist @ R_d @ disc])
-    t_rate = np.hstack([np.cross(thread_axes.T, T[:, 2]).T, np.zeros_like(disc)])
+    thread_axes = T @ thread_axes
+    E = np.hstack([thread_axes, T @ thread.twist @ R_d @ disc_axes])
+    t_rate = np.hstack([np.cross(thread_axes.T, T[:, 2]).T, np.zeros_like(disc_axes)])
     return np.vstack([E, t_rate])
 
 
 def pose_of(thread: Thread, words: Words, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R_rel, shape (3, 3), and t, shape (3,), of a segment."""
-    k = len(words.thread)
-    c, s = ca.DM(np.cos(q)), ca.DM(np.sin(q))
-    R_t = np.array(ca.DM(word_rotation(words.thread, c[:k], s[:k])))
-    R_d = np.array(ca.DM(word_rotation(words.disc, c[k:], s[k:])))
+    R_t, R_d, _, _ = _turned(words, q)
     T = thread.bend @ R_t
     return T @ thread.twist @ R_d, T[:, 2]
 
 
 def coordinates_of(thread: Thread, words: Words, R_rel: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Coordinates whose pose is nearest in the chart, exact where the chart has the pose."""
-    k = len(words.thread)
     q_t = _thread_angles(words.thread, thread.bend.T @ t)
-    c, s = ca.DM(np.cos(q_t)), ca.DM(np.sin(q_t))
-    R_t = np.array(ca.DM(word_rotation(words.thread, c[:k], s[:k])))
+    R_t = _turned(Words(words.thread, ""), q_t)[0]
     S = thread.twist.T @ R_t.T @ thread.bend.T @ R_rel
     return np.concatenate([q_t, _disc_angles(words.disc, S)])
 
 
-def _convert_segment(
-    number: int, thread: Thread, old: Chart, new: Chart, q: np.ndarray, qd: np.ndarray
+def convert_segment(
+    number: int,
+    source: tuple[Thread, Chart],
+    target: tuple[Thread, Chart],
+    q: np.ndarray,
+    qd: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
+    """One segment's pose and rates in another chart, or about another A and B.
+
+    Args:
+        number: the segment's number from 1, for the message.
+        source: thread (its A, B) and chart of q and qd.
+        target: thread and chart wanted.
+        q: the segment's coordinates in the source [rad].
+        qd: their rates [rad/s].
+
+    Returns:
+        q and qd in the target chart, angles in their principal range.
+
+    Raises:
+        ChartError: a pose or rate that the target chart cannot represent.
+    """
+    (thread, old), (other, new) = source, target
     R_rel, t = pose_of(thread, old.words, q)
-    q_new = coordinates_of(thread, new.words, R_rel, t)
-    R_new, t_new = pose_of(thread, new.words, q_new)
+    q_new = coordinates_of(other, new.words, R_rel, t)
+    R_new, t_new = pose_of(other, new.words, q_new)
     off = max(np.abs(R_new - R_rel).max(), np.abs(t_new - t).max())
     if off > TOLERANCE:
         raise ChartError(
             f"segment {number}: chart {new.name} cannot represent the pose (off by {off:.1e})"
         )
     wanted = rates_map(thread, old.words, q) @ qd
-    G = rates_map(thread, new.words, q_new)
+    G = rates_map(other, new.words, q_new)
     qd_new = np.linalg.lstsq(G, wanted, rcond=1e-10)[0] if new.words.n_q else np.zeros(0)
     off = np.abs(G @ qd_new - wanted).max()
     if off > TOLERANCE * max(1.0, np.abs(wanted).max()):
@@ -165,6 +178,22 @@ def _convert_segment(
             f"segment {number}: chart {new.name} cannot represent the rates (off by {off:.1e})"
         )
     return q_new, qd_new
+
+
+def _turned(words: Words, q: np.ndarray) -> tuple[np.ndarray, ...]:
+    """R_thread, R_disc and the axes of each word in its end frame, shape (3, n)."""
+    return tuple(value.full() for value in _turns(words).call([q]))
+
+
+@cache
+def _turns(words: Words) -> ca.Function:
+    q = ca.SX.sym("q", words.n_q)
+    k = len(words.thread)
+    c, s = ca.cos(q), ca.sin(q)
+    thread, disc = (head(c, k), head(s, k)), (tail(c, k), tail(s, k))
+    rotations = word_rotation(words.thread, *thread), word_rotation(words.disc, *disc)
+    axes = axes_at_end(words.thread, *thread), axes_at_end(words.disc, *disc)
+    return ca.Function("turns", [q], [ca.densify(value) for value in (*rotations, *axes)])
 
 
 def _thread_angles(word: str, t: np.ndarray) -> np.ndarray:

@@ -1,9 +1,10 @@
 """C twins of casadi Functions: generated, compiled once, kept in a cache, loaded back."""
 
+import ctypes
 import hashlib
 import re
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -35,6 +36,7 @@ __all__ = [
     "cache_folder",
     "compile_functions",
     "find_compiler",
+    "load_library",
     "twin",
 ]
 
@@ -121,20 +123,48 @@ def compile_functions(
     """
     if not functions:
         return {}
-    source = c_source(functions)
-    compiler = require_compiler()
-    target = target_of(compiler, tuple(flags))
-
-    def build(path: Path) -> None:
-        build_library(compiler, target, source, path, timeout_s)
-
-    library = cached_library(_key(source, compiler, target), build)
+    library = _library(c_source(functions), flags, timeout_s)
     try:
         importer = ca.Importer(str(library), "dll")
         return {f.name(): ca.external(_PREFIX + f.name(), importer) for f in functions}
     except RuntimeError as error:
         hint = "DTCASADI_CACHE may name a folder that allows execution"
         raise CompileError(f"{library}: does not load ({hint}):\n{error}") from error
+
+
+def load_library(
+    function: ca.Function, source: str, constants: Mapping[str, int], macro: str
+) -> ctypes.CDLL | None:
+    """Hand-written C compiled in one library with the Function it calls.
+
+    Args:
+        function: the Function; the C text calls it by `macro`.
+        source: C text appended to the generated code.
+        constants: integers the text names as macros.
+        macro: the macro that stands for the generated symbol.
+
+    Returns:
+        The library, or None where no working compiler is found (said once per process).
+    """
+    lines = [f"#define {name} {value}" for name, value in constants.items()]
+    lines.append(f"#define {macro} {_PREFIX}{function.name()}")
+    text = "\n".join([c_source([function]), *lines, source])
+    try:
+        return ctypes.CDLL(str(_library(text, DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
+    except (CompileError, OSError) as error:
+        _say_no_compiler(str(error))
+        return None
+
+
+def _library(source: str, flags: Sequence[str], timeout_s: float) -> Path:
+    """The cached library of a C text."""
+    compiler = require_compiler()
+    target = target_of(compiler, tuple(flags))
+
+    def build(path: Path) -> None:
+        build_library(compiler, target, source, path, timeout_s)
+
+    return cached_library(_key(source, compiler, target), build)
 
 
 def c_source(functions: Sequence[ca.Function]) -> str:

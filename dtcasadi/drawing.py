@@ -240,4 +240,3 @@ def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray,
         R[m] = np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2)
         r[m] = np.array(origin).T
     return R, r
-

@@ -141,22 +141,41 @@ def lagrangian_gradient(g: Graphs) -> ca.Function:
     return g.function("lagrangian_gradient", ("q", "qd", "theta"), dL_dq=value)
 
 
+def canonical_rates(g: Graphs) -> ca.Function:
+    """Qd = M^-1 p by the articulated-body recursion at rest."""
+    return g.function("canonical_rates", ("q", "p", "theta"), qd=_rates_of(g))
+
+
+def canonical_force(g: Graphs) -> ca.Function:
+    """dL/dq + Q: the right side of eq (7) at given rates."""
+    value = _canonical_force_of(g, g.qd)
+    return g.function("canonical_force", ("q", "qd", "pressure", "theta"), pd=value)
+
+
 def canonical_ode(g: Graphs) -> ca.Function:
     """Eq (7): qd = M^-1 p by the recursion, pd = dL/dq + Q."""
+    qd = _rates_of(g)
+    ports = ("q", "p", "pressure", "tau", "theta")
+    return g.function("canonical_ode", ports, qd=qd, pd=_canonical_force_of(g, qd) + g.tau)
+
+
+def _rates_of(g: Graphs) -> ca.SX:
+    chain = g.chain
+    still = chain.motion(chain.segments(g.q), chain.asm.expression(chain.n_q, 1))
+    return chain.accelerations(still, g.p, chain.total(chain.none()), ca.DM(3, 1))
+
+
+def _canonical_force_of(g: Graphs, qd: ca.SX) -> ca.SX:
     chain = g.chain
     segments = chain.segments(g.q)
     zero = chain.asm.expression(chain.n_q, 1)
-    nothing = chain.total(chain.none())
-    still = chain.motion(segments, zero)
-    qd = chain.accelerations(still, g.p, nothing, ca.DM(3, 1))
-    pd = g.lagrangian_gradient_of(g.q, qd) + g.tau
-    loads = g.loads(segments, qd, g.pressure, elastic=True)
+    loads = g.loads(segments, qd, g.pressure)
     elastic = chain.total(chain.pair_forces(segments, zero, springs=True, damping=False))
-    pd = pd + chain.project(segments, loads)[0] - chain.project(segments, elastic)[0]
+    value = g.lagrangian_gradient_of(g.q, qd)
+    value = value + chain.project(segments, loads)[0] - chain.project(segments, elastic)[0]
     if g.coordinate_damping is not None:
-        pd = pd - g.coordinate_damping * qd
-    ports = ("q", "p", "pressure", "tau", "theta")
-    return g.function("canonical_ode", ports, qd=qd, pd=pd)
+        value = value - g.coordinate_damping * qd
+    return value
 
 
 def ode(g: Graphs) -> ca.Function:

@@ -68,6 +68,11 @@ class Ports:
         return numbers._replace(bend=tuple(bend), twist=tuple(twist))
 
     @property
+    def n_frames(self) -> int:
+        """Length of the theta block `frames`, the first one."""
+        return self.layout.blocks.get("frames", slice(0, 0)).stop
+
+    @property
     def inlined(self) -> bool:
         """Whether derivatives are one flat graph too: small enough for an unrolled solve."""
         return self.options.assembly == "flat" and self.chain.n_q <= UNROLLED

@@ -19,7 +19,7 @@ def samples_of(t: np.ndarray) -> np.ndarray:
 
 
 def energy_balance(
-    model: Model, trajectory: Trajectory, command: np.ndarray, theta: np.ndarray, at: np.ndarray
+    model: Model, trajectory: Trajectory, command: np.ndarray, at: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Energies and the balance residual at some of the steps.
 
@@ -31,7 +31,6 @@ def energy_balance(
         model: the model.
         trajectory: its motion.
         command: commands at the Gauss nodes of every step, shape (n_u, 3 (n - 1)).
-        theta: parameters.
         at: indices of the steps to report.
 
     Returns:
@@ -39,20 +38,21 @@ def energy_balance(
     """
     n = model.n_q
     power = Bound(twin(model.power))
-    power.inputs.theta[:] = theta
+    thetas = trajectory.thetas
     nodes = gauss_nodes(trajectory.t)
     states = trajectory.between(nodes) if len(nodes) else np.zeros((model.n_x, 0))
     work = np.zeros((2, len(nodes)))
     for k in range(len(nodes)):
         power.inputs.x[:], power.inputs.u[:] = states[:, k], command[:, k]
+        power.inputs.theta[:] = thetas[:, k // 3]
         power.run()
         work[:, k] = power.outputs.supplied[0], power.outputs.dissipated[0]
     steps = np.diff(trajectory.t)
     shares = (work.reshape(2, -1, 3) @ _WEIGHTS) * steps
     supplied, dissipated = np.concatenate([np.zeros((2, 1)), np.cumsum(shares, axis=1)], axis=1)
-    x = trajectory.x[:, at]
-    kinetic = np.array(model.kinetic_energy(x[:n], x[n : 2 * n], theta)).ravel()
-    potential = np.array(model.potential_energy(x[:n], theta)).ravel()
+    x, thetas = trajectory.x[:, at], thetas[:, at]
+    kinetic = np.array(model.kinetic_energy(x[:n], x[n : 2 * n], thetas)).ravel()
+    potential = np.array(model.potential_energy(x[:n], thetas)).ravel()
     total = kinetic + potential
     return {
         "t": trajectory.t[at],
@@ -69,11 +69,21 @@ def gauss_nodes(t: np.ndarray) -> np.ndarray:
     return (t[:-1, np.newaxis] + np.diff(t)[:, np.newaxis] * _NODES).ravel()
 
 
-def conditions(model: Model, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Condition number of M in the 2-norm at each column of q, shape (m,)."""
+def conditions(model: Model, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
+    """Condition number of M in the 2-norm at each column of q and theta, shape (m,)."""
     values = []
-    for column in q.T:
+    for column, theta in zip(q.T, thetas.T, strict=True):
         singular = np.linalg.svd(np.array(model.mass_matrix(column, theta)), compute_uv=False)
         with np.errstate(divide="ignore"):
             values.append(singular[0] / singular[-1])
     return np.array(values)
+
+
+def imbalance(energy: dict[str, np.ndarray]) -> float:
+    """Largest residual of the balance relative to the energy that was turned over."""
+    total = energy["kinetic"] + energy["potential"]
+    turned = max(
+        float(np.ptp(energy[name])) for name in ("kinetic", "potential", "supplied", "dissipated")
+    )
+    turned = max(turned, 1e-12 * float(np.max(np.abs(total))))
+    return float(np.max(np.abs(energy["residual"]))) / turned if turned > 0 else 0.0

@@ -5,6 +5,7 @@ dense solve from MX, which keeps their C code small.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,70 @@ import numpy as np
 from .derivatives import Derivatives
 from .graphs import OPTIONS, Graphs
 from .linear import solve_spd
+
+
+class ImplicitForm(NamedTuple):
+    """The state equation as residual(q, v, z, a, zdot, u, theta) = 0, for implicit methods.
+
+    With z the actuator states and xi = (a; zdot) the highest derivatives,
+
+        residual = (inverse dynamics tau(q, v, a, pressure(z, u)); zdot - rate(z, u)),
+
+    and `jacobian` gives d residual/d xi = M, d/d(v; z) = D, d/d(q; -) = K, shape (m, m) each with
+    m = n_q + n_z (columns of z in K are zero), d/d u = U, shape (m, n_u), and T, shape
+    (m, n_theta), for theta but its block `frames`, which only re-centring changes (zero columns).
+    """
+
+    n_q: int
+    n_z: int
+    residual: ca.Function
+    jacobian: ca.Function
+
+
+def implicit_form(g: Graphs) -> ImplicitForm:
+    """The implicit form of a model's state equation and its derivatives by recursion."""
+    n, actuator = g.chain.n_q, g.options.actuator
+    n_z, n_u = g.x.shape[0] - 2 * n, g.u.shape[0]
+    sizes = (n, n, n_z, n, n_z, n_u, g.theta.shape[0])
+    names = ("q", "v", "z", "a", "zdot", "u", "theta")
+    ports = [g.chain.asm.sym(name, size) for name, size in zip(names, sizes, strict=True)]
+    q, v, z, a, zdot, u, theta = ports
+    tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
+    inner = ca.Function("tau", [g.q, g.qd, g.qdd, g.pressure, g.theta], [tau], OPTIONS)
+    balance = ca.vertcat(inner(q, v, a, actuator.pressure(z, u), theta), zdot - actuator.rate(z, u))
+    residual = ca.Function(
+        "implicit_residual", ports, [balance], list(names), ["residual"], OPTIONS
+    )
+
+    ports = [ca.MX.sym(name, size) for name, size in zip(names, sizes, strict=True)]
+    q, v, z, a, zdot, u, theta = ports
+    M, dq, dqd, columns = _rigid_part(g)(q, v, a, actuator.pressure(z, u), theta)
+    pair_q, pair_qd = _pair_part(g)(q, v, theta)
+    rate_z, rate_u, pressure_z, pressure_u = _actuator_jacobian(g, z, u)
+    side, corner = ca.MX(n, n_z), ca.MX(n_z, n)
+    blocks = {
+        "M": ca.diagcat(M, ca.MX.eye(n_z)),
+        "D": ca.blockcat([[dqd + pair_qd, -ca.mtimes(columns, pressure_z)], [corner, -rate_z]]),
+        "K": ca.blockcat([[dq + pair_q, side], [corner, ca.MX(n_z, n_z)]]),
+        "U": ca.vertcat(-ca.mtimes(columns, pressure_u), -rate_u),
+        "T": ca.vertcat(
+            _free_theta_part(g)(q, v, a, actuator.pressure(z, u), theta),
+            ca.MX(n_z, theta.shape[0]),
+        ),
+    }
+    values = [ca.densify(block) for block in blocks.values()]
+    jacobian = ca.Function("implicit_jacobian", ports, values, list(names), list(blocks), OPTIONS)
+    return ImplicitForm(n, n_z, residual, jacobian)
+
+
+def _free_theta_part(g: Graphs) -> ca.Function:
+    """D tau / d theta but for block `frames`, at (q, qd, qdd, pressure, theta)."""
+    columns = g.chain.asm.expression(g.chain.n_q, g.n_frames)
+    if g.n_frames < g.theta.shape[0]:
+        tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
+        columns = ca.horzcat(columns, ca.jacobian(tau, g.theta)[:, g.n_frames :])
+    ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
+    return ca.Function("theta_columns", ports, [columns], OPTIONS)
 
 
 def _rigid_part(g: Graphs) -> ca.Function:
@@ -64,53 +129,56 @@ def forward_dynamics_jacobian(g: Graphs) -> ca.Function:
     return g.top_function("forward_dynamics_jacobian", ports, qdd=qdd, **outputs)
 
 
-def with_jacobian(function: ca.Function, g: Graphs) -> ca.Function:
-    """The Function with this module's derivatives as its own, for MX graphs that call it.
+def with_jacobian(plain: ca.Function, blocks: ca.Function, g: Graphs) -> ca.Function:
+    """The Function with the recursion's derivatives as its own, for MX graphs that call it.
 
-    `forward_dynamics` and `ode` only; CasADi would otherwise differentiate the recursion itself,
-    which takes six times the operations with four discs.
+    CasADi would otherwise differentiate the forward recursion itself, which takes six times the
+    operations with four discs. Derivatives for the theta block `frames`, which only re-centring
+    changes, are left at zero.
+
+    Args:
+        plain: `forward_dynamics` or `ode`.
+        blocks: its value and derivatives, `forward_dynamics_jacobian` or `ode_jacobian`.
+        g: the model's graphs.
     """
-    state = function.name() == "ode"
-    blocks = (ode_jacobian if state else forward_dynamics_jacobian)(g)
-    ports, (out,) = function.name_in(), function.name_out()
-    symbols = [ca.MX.sym(port, function.size1_in(port)) for port in ports]
+    ports, (out,) = plain.name_in(), plain.name_out()
+    symbols = [ca.MX.sym(port, plain.size1_in(port)) for port in ports]
     value, *known = blocks.call(symbols)
-    by_theta = _theta_jacobian(g)
-    if state:
+    n_theta = symbols[-1].shape[0]
+    if n_theta == g.n_frames:
+        rows = ca.MX(plain.size1_out(0), n_theta)
+    elif plain.name() == "ode":
         x, u, theta = symbols
         n, actuator = g.chain.n_q, g.options.actuator
         q, qd, a = ca.vertsplit(x, [0, n, 2 * n, x.shape[0]])
         qdd = ca.vertsplit(value, [0, n, 2 * n, x.shape[0]])[1]
-        rows = by_theta(q, qd, qdd, actuator.pressure(a, u), theta)
-        rows = ca.vertcat(ca.MX(n, theta.shape[0]), rows, ca.MX(a.shape[0], theta.shape[0]))
+        rows = _theta_jacobian(g)(q, qd, qdd, actuator.pressure(a, u), theta)
+        rows = ca.vertcat(ca.MX(n, n_theta), rows, ca.MX(a.shape[0], n_theta))
     else:
         q, qd, pressure, _, theta = symbols
-        rows = by_theta(q, qd, value, pressure, theta)
-    unused = ca.MX.sym(f"out_{out}", *function.size_out(0))
+        rows = _theta_jacobian(g)(q, qd, value, pressure, theta)
+    unused = ca.MX.sym(f"out_{out}", *plain.size_out(0))
     jacobian = ca.Function(
-        f"jac_{function.name()}",
+        f"jac_{plain.name()}",
         [*symbols, unused],
         [*known, rows],
         [*ports, unused.name()],
         [f"jac_{out}_{port}" for port in ports],
     )
-    symbols = [g.chain.asm.sym(port, function.size1_in(port)) for port in ports]
+    symbols = [g.chain.asm.sym(port, plain.size1_in(port)) for port in ports]
     options = {"custom_jacobian": jacobian, "jac_penalty": 0, "cse": True}
-    return ca.Function(function.name(), symbols, function.call(symbols), ports, [out], options)
+    return ca.Function(plain.name(), symbols, plain.call(symbols), ports, [out], options)
 
 
 def _theta_jacobian(g: Graphs) -> ca.Function:
-    """D qdd / d theta = -M^-1 d tau/d theta at (q, qd, qdd, pressure, theta).
-
-    In block `frames` along rotations only: off them A^T is no inverse, and no number has a meaning.
-    """
-    tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
+    """D qdd / d theta = -M^-1 d tau/d theta at (q, qd, qdd, pressure, theta), not for `frames`."""
     mass = Derivatives(g, g.q, g.qd, g.qdd, None).mass_matrix()
     ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
-    parts = ca.Function("theta_part", ports, [mass, ca.jacobian(tau, g.theta)], OPTIONS)
+    masses = ca.Function("masses", [g.q, g.theta], [mass], OPTIONS)
     symbols = [ca.MX.sym(f"a{i}", port.shape[0]) for i, port in enumerate(ports)]
-    M, by_theta = parts.call(symbols)
-    return ca.Function("theta_jacobian", symbols, [solve_spd(M, -by_theta, native=False)])
+    by_theta = _free_theta_part(g)(*symbols)
+    solution = solve_spd(masses(symbols[0], symbols[4]), -by_theta, native=False)
+    return ca.Function("theta_jacobian", symbols, [solution])
 
 
 def ode_jacobian(g: Graphs) -> ca.Function:

@@ -1,4 +1,4 @@
-"""Dense symmetric positive definite solves inside graphs."""
+"""Dense linear solves inside graphs."""
 
 import re
 from functools import cache
@@ -28,6 +28,34 @@ def solve_spd(matrix: ca.SX | ca.MX, rhs: ca.SX | ca.MX, *, native: bool) -> ca.
         return ca.solve(matrix, rhs, "ldl")
     sizes = {"A": (n, n), "B": (n, m), "X": (n, m)}
     return native_function("solve_spd", ("A", "B"), ("X",), sizes, N=n, M=m)(matrix, rhs)
+
+
+class Factored:
+    """A square matrix factored once for several solves, LU with partial pivoting.
+
+    Native: the C kernels `native/lu_factor.c` and `native/lu_solve.c`. Otherwise CasADi's QR, which
+    the virtual machine can run and differentiate.
+    """
+
+    def __init__(self, matrix: ca.MX, *, native: bool):
+        self._matrix, self._native, self._n = ca.densify(matrix), native, matrix.shape[0]
+        if native and self._n:
+            n = self._n
+            sizes = {"A": (n, n), "LU": (n, n), "P": (n, 1)}
+            factor = native_function("lu_factor", ("A",), ("LU", "P"), sizes, N=n)
+            self._factors = factor.call([self._matrix])
+
+    def solve(self, rhs: ca.MX) -> ca.MX:
+        """X with matrix X = rhs, shape (n, m)."""
+        n, m = self._n, rhs.shape[1]
+        if n == 0 or m == 0:
+            return rhs
+        rhs = ca.densify(rhs)
+        if not self._native:
+            return ca.solve(self._matrix, rhs, "qr")
+        sizes = {"LU": (n, n), "P": (n, 1), "B": (n, m), "X": (n, m)}
+        kernel = native_function("lu_solve", ("LU", "P", "B"), ("X",), sizes, N=n, M=m)
+        return kernel(*self._factors, rhs)
 
 
 def native_function(

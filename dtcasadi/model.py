@@ -1,12 +1,12 @@
 """The model of a robot: named CasADi Functions, their compiled twins, and its parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from . import functions, jacobians
+from . import functions, jacobians, recentring
 from .actuators import Actuator, actuator_of
 from .bound import Bound
 from .charts import Chart, charts_of
@@ -87,6 +87,7 @@ class Model:
         n_u: number of commands, one per chamber.
         theta0: parameters as the robot has them, shape (n_theta,).
         theta_blocks: name of each block of theta -> its slice.
+        centres: where each segment that can re-centre is found in q and theta.
         state_names: one name per state.
     """
 
@@ -128,10 +129,12 @@ class Model:
         )
         rates = tuple(f"{name}_rate" for name in self.coordinate_names)
         self.state_names = self.coordinate_names + rates + actuator
+        self.centres = recentring.places(options.charts, self.theta_blocks)
         self._graphs = Graphs(robot, options, theta)
         self._native = Graphs(robot, options, theta, native=True)
         self._functions: dict[str, ca.Function] = {}
         self._compiled: dict[str, ca.Function] = {}
+        self._kept: dict[Hashable, Any] = {}
 
     @property
     def n_discs(self) -> int:
@@ -148,6 +151,26 @@ class Model:
         """How commands become pressures."""
         return self.options.actuator
 
+    @property
+    def recentres(self) -> bool:
+        """Whether some segment's A and B, theta block `frames`, may absorb its pose."""
+        return bool(self.centres)
+
+    def recentre(
+        self, x: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same motion about new centres where a coordinate has left 45 degrees.
+
+        Returns:
+            x, theta, and T, shape (n_x, n_x), which maps a covariance P of x to T P T^T: the
+            identity where nothing needs it or the model cannot re-centre. See
+            `dtcasadi.recentring`.
+
+        Raises:
+            ModelError: wrong shapes, or a state to re-centre that is not finite.
+        """
+        return recentring.recentre(self, x, theta)
+
     def pressure_of(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Chamber pressures at states (n_x, n) and commands (n_u, n), shape (n_u, n) [Pa]."""
         states = x[2 * self.n_q :]
@@ -163,12 +186,11 @@ class Model:
         Raises:
             ModelError: unknown name.
         """
-        if name not in _BUILDERS:
-            raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
         if name not in self._functions:
-            function = _BUILDERS[name](self._graphs)
+            function = self._plain(name)
             if name in ("forward_dynamics", "ode"):
-                function = jacobians.with_jacobian(function, self._graphs)
+                blocks = self.function(f"{name}_jacobian")
+                function = jacobians.with_jacobian(function, blocks, self._graphs)
             self._functions[name] = function
         return self._functions[name]
 
@@ -182,11 +204,28 @@ class Model:
             ModelError: unknown name.
         """
         if name not in self._compiled:
-            function = self.function(name)
+            function = self._plain(name)
             self._compiled[name] = twin(function, source=_BUILDERS[name](self._native))
         function = self._compiled[name]
         ports = _MATRICES.intersection(function.name_out())
         return Bound(function, matrices=ports, name=name)
+
+    def _plain(self, name: str) -> ca.Function:
+        """The Function without a derivative of its own."""
+        if name not in _BUILDERS:
+            raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
+        return self.once(("plain", name), lambda: _BUILDERS[name](self._graphs))
+
+    def once(self, key: Hashable, build: Callable[[], Any]) -> Any:
+        """What `build` returns, made on the first call with this key and kept with the model."""
+        if key not in self._kept:
+            self._kept[key] = build()
+        return self._kept[key]
+
+    @property
+    def graphs(self) -> tuple[Graphs, Graphs]:
+        """The symbols and shared expressions, with C kernels (generated code only) and without."""
+        return self._native, self._graphs
 
     def __repr__(self) -> str:
         """Size and options on one line."""

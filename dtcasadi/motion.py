@@ -94,10 +94,11 @@ class Motion:
             values = [f"{_rounded(low)} to {_rounded(high)}"]
         return f"{time}, {' | '.join(values)} {unit}"
 
-    def add_signs(self, axes: Axes, k: int) -> None:
-        """Gravity, and in an oblique view directions and scale, clear of frame k's robot."""
+    def add_signs(self, axes: Axes, frames: Sequence[int]) -> None:
+        """Gravity, and in an oblique view directions and scale, clear of the robot in frames."""
         robot, view, box = self.run.model.robot, self.view, self.box
-        corners = box.free_corners(self.shapes[k].points)
+        points = np.concatenate([self.shapes[k].points for k in frames])
+        corners = box.free_corners(points)
         add_gravity(axes, robot, view, box, corners[0])
         if view.labels is None:
             add_directions(axes, view, box, corners[1])
@@ -154,7 +155,7 @@ def _turns(height: np.ndarray) -> np.ndarray:
     return np.array(found, dtype=int)
 
 
-def tip_path(run: Run, n: int = 300) -> tuple[np.ndarray, np.ndarray]:
+def tip_path(run: Run, n: int = 600) -> tuple[np.ndarray, np.ndarray]:
     """At most n times, and the last disc's centre of mass then, shape (m, 3) [m]."""
     at = np.unique(np.linspace(0, len(run.t) - 1, min(n, len(run.t))).round().astype(int))
     R, r = run.poses(at)

@@ -65,7 +65,7 @@ def filmstrip(
         motion.artists_on(axes).show(*motion.frame(k))
         axes.set_title(motion.caption(k), pad=4)
         if k == 0:
-            motion.add_signs(axes, 0)
+            motion.add_signs(axes, [0])
     handles = legend_handles(run.model.robot)
     figure.legend(
         handles.values(), handles, loc="upper center", ncols=len(handles), borderaxespad=0.2
@@ -75,7 +75,7 @@ def filmstrip(
 
 def _grid(box: Box, n: int, labelled: bool) -> tuple[Figure, list[Axes], int]:
     """A figure with n equal panels of the box's shape, by rows, and how many fit in a row."""
-    left, bottom = (0.55, 0.5) if labelled else (0.1, 0.1)
+    left, bottom = (0.72, 0.5) if labelled else (0.1, 0.1)
     right, top, gap, title = 0.1, 0.35, 0.12, 0.26  # [in]
     aspect = box.size[0] / box.size[1]
 
@@ -118,8 +118,8 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     """
     kinds: dict[str, list[tuple[int, int]]] = {}
     for row, name in enumerate(run.model.coordinate_names):
-        kind, _, segment = name.rpartition("_")
-        kinds.setdefault(kind, []).append((row, int(segment)))
+        kind, _, number = name.rpartition("_")
+        kinds.setdefault(kind, []).append((row, int(number)))
     moving = {
         kind: rows
         for kind, rows in kinds.items()
@@ -202,6 +202,7 @@ def _pressures(axes: Axes, run: Run) -> None:
     n_u = len(pressures)
     if not n_u:
         axes.text(0.5, 0.5, "no chambers", transform=axes.transAxes, ha="center", va="center")
+        axes.set_yticks([])
         return
     colours = line_colours(n_u)
     lagging = not np.array_equal(pressures, run.u)
@@ -209,9 +210,15 @@ def _pressures(axes: Axes, run: Run) -> None:
         label = "chamber" if n_u == 1 else f"chamber {k + 1}"
         axes.plot(run.t, factor * pressure, color=colour, label=label, drawstyle=_steps(pressure))
         if lagging:
-            label = "command" if n_u == 1 else f"command {k + 1}"
-            style = {"drawstyle": _steps(command), "label": label if n_u <= 3 else None}
-            axes.plot(run.t, factor * command, ":", color=colour, **style)
+            name = "command" if n_u == 1 else f"command {k + 1}"
+            axes.plot(
+                run.t,
+                factor * command,
+                ":",
+                color=colour,
+                drawstyle=_steps(command),
+                label=name if n_u <= 3 else None,
+            )
     if lagging or 1 < n_u <= 6:
         _legend_above(axes, columns=min(n_u * (2 if lagging and n_u <= 3 else 1), 3))
     low, high = axes.get_ylim()

@@ -18,15 +18,16 @@ class Run:
         t: times of the steps, shape (n,) [s].
         x: states, shape (n_x, n).
         u: commands, shape (n_u, n).
-        theta: parameters, shape (n_theta,).
+        thetas: parameters in force from each time on, shape (n_theta, n); re-centring changes A, B.
         success: whether the end was reached; the states are finite either way.
         message: one sentence: how it went, or what failed, when, and what to try.
         method: the integration method.
         energy: t, kinetic, potential, supplied, dissipated and residual at no more than 200
             samples [s, J]; `residual` closes the balance.
         condition: condition number of M at `energy["t"]`.
-        recentrings: times at which charts were re-centred [s].
+        recentrings: (time [s], segments from 1) of each re-centring.
         steps: accepted steps.
+        rejected: steps tried again with a smaller size.
         evaluations: calls of the state equation.
         wall_time: time spent integrating [s].
     """
@@ -35,14 +36,15 @@ class Run:
     t: np.ndarray
     x: np.ndarray
     u: np.ndarray
-    theta: np.ndarray
+    thetas: np.ndarray
     success: bool
     message: str
     method: str
     energy: dict[str, np.ndarray]
     condition: np.ndarray
-    recentrings: tuple[float, ...]
+    recentrings: tuple[tuple[float, tuple[int, ...]], ...]
     steps: int
+    rejected: int
     evaluations: int
     wall_time: float
 
@@ -50,6 +52,16 @@ class Run:
     def y(self) -> np.ndarray:
         """The states, by SciPy's name."""
         return self.x
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Parameters at the start, shape (n_theta,)."""
+        return self.thetas[:, 0]
+
+    @property
+    def step_sizes(self) -> np.ndarray:
+        """Sizes of the accepted steps, shape (n - 1,) [s]."""
+        return np.diff(self.t)
 
     @property
     def q(self) -> np.ndarray:
@@ -76,7 +88,7 @@ class Run:
         n = self.model.n_discs
         R, r = [], []
         for k in columns:
-            rotation, origin = self.model.poses(self.q[:, k], self.theta)
+            rotation, origin = self.model.poses(self.q[:, k], self.thetas[:, k])
             R.append(np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2))
             r.append(np.array(origin).T)
         return np.array(R).reshape(-1, n, 3, 3), np.array(r).reshape(-1, n, 3)
@@ -91,6 +103,7 @@ class Run:
         target = target if target.suffix == ".npz" else target.with_name(target.name + ".npz")
         arrays = {f"energy_{name}": values for name, values in self.energy.items()}
         arrays |= {name: np.array(getattr(self, name)) for name in _SAVED}
+        arrays["recentrings"] = np.array([time for time, _ in self.recentrings])
         names = {"state_names": np.array(self.model.state_names)}
         with written(target) as file:
             np.savez_compressed(file, **arrays, **names)  # type: ignore[arg-type]
@@ -98,6 +111,6 @@ class Run:
 
 
 _SAVED = (
-    *("t", "x", "u", "q", "qd", "pressure", "theta", "success", "message", "method"),
-    *("condition", "recentrings", "steps", "evaluations", "wall_time"),
+    *("t", "x", "u", "q", "qd", "pressure", "thetas", "success", "message", "method"),
+    *("condition", "steps", "rejected", "evaluations", "wall_time"),
 )

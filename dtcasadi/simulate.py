@@ -11,13 +11,14 @@ from tqdm import tqdm
 from . import checks
 from .commands import CommandLike, command_pieces, sampled
 from .errors import SimulationError
-from .health import conditions, energy_balance, gauss_nodes, samples_of
-from .integrators import METHODS, Problem
+from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
+from .integrators import METHODS, Problem, Trajectory
 from .model import Model
 from .result import Run
 from .scene import Scene
 
-_AUTO = "LSODA"
+# A balance further off than this share of the energy turned over is no result.
+_IMBALANCE_MAX = 0.1
 # A progress bar appears on a terminal when the run takes longer than this [s].
 _PATIENCE_S = 1.0
 
@@ -34,6 +35,7 @@ def simulate(
     rtol: float | None = None,
     atol: float | None = None,
     step_s: float | None = None,
+    force: bool = False,
 ) -> Run:
     """Integrate the state equation from t = 0 to t_end.
 
@@ -48,7 +50,8 @@ def simulate(
         method: a name of `dtcasadi.integrators.METHODS`, or `auto`.
         rtol: relative tolerance of the local error; default 1e-6.
         atol: absolute tolerance; default 1e-8.
-        step_s: step of a fixed-step method [s].
+        step_s: step of a method without error control, first step of the others [s].
+        force: take a step beyond the linear stability limit at the start, which is else refused.
 
     Returns:
         The run. A numerical failure is a run with `success` False, the states up to the last good
@@ -76,9 +79,8 @@ def simulate(
         for value, default in zip((rtol, atol, t_end), defaults, strict=True)
     )
     name = method or (scene.method if scene else "auto")
-    name = _AUTO if name == "auto" else name
     if name not in METHODS:
-        raise _error("method", f"auto or one of {', '.join(METHODS)}", repr(name))
+        raise _error("method", f"one of {', '.join(METHODS)}", repr(name))
     step_s = scene.step_s if step_s is None and scene else step_s
     t_end = checks.number("t_end", t_end, positive=True, error=_error)
     problem = Problem(
@@ -91,6 +93,7 @@ def simulate(
         step_s=None
         if step_s is None
         else checks.number("step_s", step_s, positive=True, error=_error),
+        force=force,
     )
     return _run(problem, name)
 
@@ -115,22 +118,40 @@ def _run(problem: Problem, name: str) -> Run:
     t, n = trajectory.t, model.n_u
     at = samples_of(t)
     nodes = sampled(problem.pieces, gauss_nodes(t), n)
+    energy = energy_balance(model, trajectory, nodes, at)
+    failure = trajectory.failure or _imbalance(model, trajectory, energy)
     steps = len(t) - 1
+    note = f"; {trajectory.note}" if trajectory.note else ""
     return Run(
         model=model,
         t=t,
         x=trajectory.x,
         u=sampled(problem.pieces, t, n),
-        theta=problem.theta,
-        success=not trajectory.message,
-        message=trajectory.message or f"reached t = {t_end:g} s in {steps} steps of {name}",
-        method=name,
-        energy=energy_balance(model, trajectory, nodes, problem.theta, at),
-        condition=conditions(model, trajectory.x[: model.n_q, at], problem.theta),
-        recentrings=(),
+        thetas=trajectory.thetas,
+        success=not failure,
+        message=(failure or f"reached t = {t_end:g} s in {steps} steps of {trajectory.method}")
+        + note,
+        method=trajectory.method,
+        energy=energy,
+        condition=conditions(model, trajectory.x[: model.n_q, at], trajectory.thetas[:, at]),
+        recentrings=trajectory.recentrings,
         steps=steps,
+        rejected=trajectory.rejected,
         evaluations=trajectory.evaluations,
         wall_time=wall_time,
+    )
+
+
+def _imbalance(model: Model, trajectory: Trajectory, energy: dict[str, np.ndarray]) -> str:
+    """A sentence when finite states do not even balance their energy, or nothing."""
+    if model.options.velocity_terms != "full" or len(trajectory.t) < 2:
+        return ""
+    share = imbalance(energy)
+    if share <= _IMBALANCE_MAX:
+        return ""
+    return (
+        f"{trajectory.method}: the energy balance is off by {share:.0%} of the energy turned over; "
+        "the motion is not a solution: try smaller steps or tighter tolerances"
     )
 
 

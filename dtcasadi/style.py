@@ -24,7 +24,7 @@ CHAMBERS = (SKY, ORANGE, GREEN, PURPLE, VERMILION)
 WIDTH_IN = 9.0  # about 900 pixels at the size a web page shows it
 DPI = 160
 SUFFIXES = (".png", ".svg", ".pdf")
-_RC = {
+_RC: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -37,7 +37,8 @@ _RC = {
     "savefig.dpi": DPI,
     "svg.hashsalt": "dtcasadi",  # the same run gives the same file
 }
-_P, _T = ParamSpec("_P"), TypeVar("_T")
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 
 class PictureError(DtcasadiError, ValueError):
@@ -49,7 +50,9 @@ def styled(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
     @functools.wraps(function)
     def call(*args: _P.args, **kwargs: _P.kwargs) -> _T:
-        with mpl.rc_context({**mpl.rcParamsDefault, **_RC, "backend": mpl.rcParams["backend"]}):
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            mpl.rcParams.update(_RC)
             return function(*args, **kwargs)
 
     return call

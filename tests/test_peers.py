@@ -33,8 +33,14 @@ def test_cardan_chain(rng, n, peer):
 
 @pytest.mark.parametrize(
     ("n", "chart"),
-    [(n, chart) for chart in ("cardan", "paper", "planar", "ball") for n in (2, 4, 8, 16)]
-    + [(8, MIXED)],
+    [
+        *((n, "cardan") for n in (2, 4, 8, 16)),
+        *((n, "paper") for n in (2, 4, 16)),
+        *((16, "planar"), (4, "ball"), (8, MIXED)),
+        *(pytest.param(n, "planar", marks=pytest.mark.slow) for n in (2, 4, 8)),
+        *(pytest.param(n, "ball", marks=pytest.mark.slow) for n in (2, 8, 16)),
+        pytest.param(8, "paper", marks=pytest.mark.slow),
+    ],
 )
 def test_residual_in_any_chart(rng, n, chart):
     """|M qdd - rhs| / (|M| |qdd| + |rhs|), M and rhs by Pinocchio: no cond(M) enters."""

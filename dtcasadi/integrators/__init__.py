@@ -1,14 +1,17 @@
 """Integration methods by name."""
 
-from .fixed import FixedStep
+from .auto import Auto
+from .package import Package
 from .problem import Method, Problem, Trajectory
 from .scipy_methods import Scipy
-from .tableau import EULER, HEUN, RK4, Tableau
+from .step import OneStep
+from .steppers import ONE_STEP
 
 _ALL: tuple[Method, ...] = (
-    *(FixedStep(tableau) for tableau in (EULER, HEUN, RK4)),
+    Auto(),
+    *(Package(method) for method in ONE_STEP.values()),
     *(Scipy(name) for name in ("LSODA", "Radau", "BDF", "DOP853", "RK45", "RK23")),
 )
 METHODS = {method.name: method for method in _ALL}
 
-__all__ = ["METHODS", "FixedStep", "Method", "Problem", "Scipy", "Tableau", "Trajectory"]
+__all__ = ["METHODS", "ONE_STEP", "Method", "OneStep", "Package", "Problem", "Scipy", "Trajectory"]

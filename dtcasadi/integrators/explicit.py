@@ -1,39 +1,81 @@
-"""One step of an explicit Runge-Kutta method as a CasADi Function."""
+"""Explicit Runge-Kutta methods."""
+
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from .step import At, Plant, Sensitivity, Step, butcher_stability, combined, first_order
 from .tableau import Tableau
 
 
-def explicit_step(ode: ca.Function, tableau: Tableau) -> ca.Function:
-    """The step as a Function of the state, the command at each stage, the step and theta.
+@dataclass(frozen=True)
+class Explicit:
+    """A method given by its tableau; sensitivities are the chain rule over its stages."""
 
-    Args:
-        ode: state equation, ports x, u, theta -> xdot.
-        tableau: the method.
+    tableau: Tableau
 
-    Returns:
-        Function with ports x (n_x,), U (n_u, s) the command at t + c_i h, h, theta -> x_next
-        (n_x,), error (n_x,) (the embedded estimate, zero without one).
-    """
-    n_x, n_u, n_theta = (ode.size1_in(i) for i in range(3))
-    stages = len(tableau.b)
-    x, U = ca.MX.sym("x", n_x), ca.MX.sym("U", n_u, stages)
-    h, theta = ca.MX.sym("h"), ca.MX.sym("theta", n_theta)
-    slopes: list[ca.MX] = []
-    for i in range(stages):
-        at = x + h * _combined(tableau.a[i, :i], slopes) if i else x
-        slopes.append(ode(at, U[:, i], theta))
-    error = ca.MX.zeros(n_x)
-    if tableau.b_error is not None:
-        error = h * _combined(tableau.b_error, slopes)
-    outputs = [x + h * _combined(tableau.b, slopes), error]
-    ports = ["x", "U", "h", "theta"]
-    name = f"step_{tableau.name}"
-    return ca.Function(name, [x, U, h, theta], outputs, ports, ["x_next", "error"])
+    @property
+    def name(self) -> str:
+        """The tableau's name."""
+        return self.tableau.name
 
+    @property
+    def order(self) -> int:
+        """The tableau's order."""
+        return self.tableau.order
 
-def _combined(weights: np.ndarray, slopes: list[ca.MX]) -> ca.MX:
-    terms = [w * k for w, k in zip(weights, slopes, strict=False) if w != 0]
-    return sum(terms[1:], terms[0]) if terms else ca.MX.zeros(slopes[0].shape)
+    @property
+    def error_order(self) -> int:
+        """The tableau's."""
+        return self.tableau.error_order
+
+    def step(self, plant: Plant, at: At) -> Step:
+        """x_next = x + h sum b_i k_i."""
+        slopes: list[ca.MX] = []
+        for i, share in enumerate(self.tableau.c):
+            state = self._stage(at, i, slopes)
+            slopes.append(plant.ode(state, at.u + share * at.h * at.du, at.theta))
+        return self._finished(at, slopes)
+
+    def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
+        """D k_i = J(x_i) (I + h sum a_ij D k_j); always exact."""
+        slopes: list[ca.MX] = []
+        by_x: list[ca.MX] = []
+        by_w: list[ca.MX] = []
+        n_x = at.x.shape[0]
+        for i in range(len(self.tableau.c)):
+            state = self._stage(at, i, slopes)
+            slopes.append(plant.ode(state, at.u, at.theta))
+            F_x, F_w = first_order(plant, at._replace(x=state))
+            weights = self.tableau.a[i, :i]
+            if i:
+                inner = ca.MX.eye(n_x) + at.h * combined(weights, by_x)
+                by_w.append(F_w + at.h * ca.mtimes(F_x, combined(weights, by_w)))
+                by_x.append(ca.mtimes(F_x, inner))
+            else:
+                by_x.append(F_x)
+                by_w.append(F_w)
+        b = self.tableau.b
+        F_w = at.h * combined(b, by_w)
+        F_u, F_theta = ca.horzsplit(F_w, [0, at.u.shape[0], F_w.shape[1]])
+        F_x = ca.MX.eye(n_x) + at.h * combined(b, by_x)
+        return self._finished(at, slopes), Sensitivity(F_x, F_u, F_theta)
+
+    @property
+    def a_stable(self) -> bool:
+        """No explicit method is."""
+        return False
+
+    def stability(self, z: np.ndarray) -> np.ndarray:
+        """R(z), a polynomial."""
+        return butcher_stability(self.tableau.a, self.tableau.b, z)
+
+    def _stage(self, at: At, i: int, slopes: list[ca.MX]) -> ca.MX:
+        return at.x + at.h * combined(self.tableau.a[i, :i], slopes) if i else at.x
+
+    def _finished(self, at: At, slopes: list[ca.MX]) -> Step:
+        error = ca.MX.zeros(at.x.shape[0])
+        if self.tableau.b_error is not None:
+            error = at.h * combined(self.tableau.b_error, slopes)
+        return Step(at.x + at.h * combined(self.tableau.b, slopes), error, ca.MX(0))

@@ -22,7 +22,8 @@ class Problem:
         pieces: intervals on which the command is smooth, each with its (t_start, t_end).
         rtol: relative tolerance.
         atol: absolute tolerance.
-        step_s: step of a fixed-step method [s], or None.
+        step_s: step [s] of a method without error control, and the first one of others; or None.
+        force: whether to take a step beyond the linear stability limit.
         advance: called with the time reached, for a progress bar.
     """
 
@@ -32,7 +33,8 @@ class Problem:
     pieces: tuple[Piece, ...] | tuple[FunctionPiece, ...]
     rtol: float
     atol: float
-    step_s: float | None
+    step_s: float | None = None
+    force: bool = False
     advance: Callable[[float], object] = lambda t: None
 
 
@@ -42,17 +44,29 @@ class Trajectory:
 
     Attributes:
         t: times, shape (n,) [s].
-        x: states, shape (n_x, n).
-        message: empty when the end was reached, else why not.
+        x: states, shape (n_x, n), after any re-centring at that time.
+        x_end: states at the end of each step, before it, shape (n_x, n - 1).
+        thetas: parameters in force from each time on, shape (n_theta, n).
+        between: states at three times in every step, shape (3 (n - 1),) -> (n_x, 3 (n - 1)).
+        method: what was run, for people.
+        failure: empty when the end was reached, else why not.
+        note: what else to tell, for example why a method was chosen.
         evaluations: calls of the state equation.
-        between: states at times between the steps, shape (m,) -> (n_x, m).
+        rejected: steps tried again with a smaller size.
+        recentrings: (time, segments from 1) of each re-centring.
     """
 
     t: np.ndarray
     x: np.ndarray
-    message: str
-    evaluations: int
+    x_end: np.ndarray
+    thetas: np.ndarray
     between: Callable[[np.ndarray], np.ndarray]
+    method: str
+    failure: str
+    note: str = ""
+    evaluations: int = 0
+    rejected: int = 0
+    recentrings: tuple[tuple[float, tuple[int, ...]], ...] = ()
 
 
 class Method(Protocol):

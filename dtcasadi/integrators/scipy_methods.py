@@ -74,10 +74,14 @@ class Scipy:
                 message = f"{why} after t = {times[-1]:.6g} s"
                 break
             x = states[-1]
-        t = np.array(times)
-        between = OdeSolution(t, interpolants) if interpolants else _constant(states[0])
-        return Trajectory(t, np.array(states).T, message, evaluations, between)
-
-
-def _constant(x: np.ndarray):  # noqa: ANN202
-    return lambda times: np.repeat(x[:, np.newaxis], len(times), axis=1)
+        t, x_all = np.array(times), np.array(states).T
+        return Trajectory(
+            t,
+            x_all,
+            x_all[:, 1:],
+            np.repeat(problem.theta[:, np.newaxis], len(t), axis=1),
+            OdeSolution(t, interpolants) if interpolants else lambda nodes: x_all[:, :0],
+            self.name,
+            message,
+            evaluations=evaluations,
+        )

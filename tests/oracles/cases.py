@@ -26,9 +26,15 @@ def oracle(n: int, charts: Charts) -> ca.Function:
     return lagrangian.lagrangian(robot(n), charts)
 
 
-@cache
 def model(n: int, charts: Charts, *, bare: bool = False, **options: Any) -> "dtc.Model":
-    """The model of that robot with build options."""
+    """The model of that robot with build options; the usual ones need not be told apart."""
+    usual = {"velocity_terms": "full", "damping": "physical"}
+    unusual = {k: v for k, v in options.items() if usual.get(k) != v}
+    return _model(n, charts, bare, **unusual)
+
+
+@cache
+def _model(n: int, charts: Charts, bare: bool, **options: Any) -> "dtc.Model":
     return dtc.build(robot(n, bare=bare), chart=list(charts), **options)
 
 

@@ -1,0 +1,10 @@
+"""Benchmarks of this machine that need no other program: what `dtcasadi bench` runs.
+
+Each module has `add_arguments(parser)` and `run(options, report)`, like a command.
+"""
+
+BENCHES = {
+    "dynamics": "time per call and operations of the state equation over the number of discs"
+}
+
+__all__ = ["BENCHES"]

@@ -1,0 +1,195 @@
+"""Time per call and number of operations of the state equation and its Jacobian, by size."""
+
+import argparse
+import statistics
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from ..cli.common import Report
+    from ..model import Model
+    from ..robot import Robot
+
+SIZES = (2, 4, 8, 16, 32, 64)
+ASSEMBLIES = ("flat", "graph")
+FLAT_UP_TO, JACOBIAN_UP_TO = 16, 8  # larger ones keep the C compiler busy for long
+REPEATS = 9
+_STATES = 64
+_TIMING_S = 0.02
+_ROW = (
+    "{function:13} {assembly:6} {n_discs:>4} {n_q:>4} {operations:>10} "
+    "{compile_s:>10} {median_us:>10} {minimum_us:>11}"
+)
+_TITLES = {
+    "function": "function",
+    "assembly": "graph",
+    "n_discs": "N",
+    "n_q": "n_q",
+    "operations": "operations",
+    "compile_s": "compile s",
+    "median_us": "median us",
+    "minimum_us": "minimum us",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the benchmark."""
+    parser.add_argument(
+        "--sizes", type=_size, nargs="+", default=list(SIZES), metavar="N", help="numbers of discs"
+    )
+    parser.add_argument(
+        "--flat-up-to", type=int, default=FLAT_UP_TO, metavar="N", help="time flat graphs up to N"
+    )
+    parser.add_argument(
+        "--jacobian-up-to",
+        type=int,
+        default=JACOBIAN_UP_TO,
+        metavar="N",
+        help="time Jacobians up to N",
+    )
+
+
+def run(options: argparse.Namespace, report: "Report") -> None:
+    """Measure, row by row."""
+    from ..compiler import find_compiler
+    from ..model import build
+
+    compiler = find_compiler()
+    report.section("dynamics", "state equation of the seed robot with N discs, chart cardan")
+    report.note(repeats=REPEATS, compiler=compiler.version if compiler else None)
+    report.line(
+        "{how} from C++ (CasADi's map) over {states} random states, less {overhead_us:.3f} us "
+        "for a call of nothing; median and minimum of {repeats} timings",
+        how="compiled C functions called" if compiler else "CasADi's virtual machine called",
+        states=_STATES,
+        overhead_us=_overhead(),
+        repeats=REPEATS,
+    )
+    print("  " + _ROW.format(**_TITLES))
+    for n_discs in sorted(set(options.sizes)):
+        for assembly in ASSEMBLIES:
+            model = build(seed_robot(n_discs), assembly=assembly)
+            timed = assembly == "graph" or n_discs <= options.flat_up_to
+            _row(report, model, "ode", assembly, timed)
+            if n_discs <= options.jacobian_up_to:
+                _row(report, model, "ode_jacobian", assembly, timed)
+
+
+def seed_robot(n_discs: int) -> "Robot":
+    """The paper's robot with another number of discs: hoops, three springs a pair, one chamber."""
+    from dataclasses import replace
+
+    from ..presets import seed_four_disc
+    from ..robot import Chamber
+
+    seed = seed_four_disc()
+    pairs = range(1, n_discs)
+    return replace(
+        seed,
+        discs=(*seed.discs[:1] * (n_discs - 1), seed.discs[-1]),
+        threads=seed.threads[:1] * (n_discs - 1),
+        springs=tuple(replace(s, discs=(i, i + 1)) for i in pairs for s in seed.springs[:3]),
+        chambers=(Chamber((1, n_discs)),),
+        damping=seed.damping[0],
+    )
+
+
+def _row(report: "Report", model: "Model", name: str, assembly: str, timed: bool) -> None:
+    values: dict[str, Any] = {"compile_s": None, "median_us": None, "minimum_us": None}
+    if timed:
+        start = time.perf_counter()
+        function = model.compiled(name).function
+        values["compile_s"] = time.perf_counter() - start
+        values["median_us"], values["minimum_us"] = time_per_call(function, model.theta0)
+    report.row(
+        "timings",
+        _ROW,
+        function=name,
+        assembly=assembly,
+        n_discs=model.n_discs,
+        n_q=model.n_q,
+        operations=operations(model.function(name)),
+        **values,
+    )
+
+
+def operations(function: "ca.Function") -> int:
+    """Operations of one call, those of the Functions it calls counted at every call."""
+    import casadi as ca
+
+    if function.is_a("SXFunction"):
+        return int(function.n_instructions())
+    known: dict[int, int] = {}
+    total = 0
+    for k in range(function.n_instructions()):
+        if function.instruction_id(k) != ca.OP_CALL:
+            total += 1
+            continue
+        called = function.instruction_MX(k).which_function()
+        key = called.__hash__()
+        if key not in known:
+            known[key] = operations(called)
+        total += known[key]
+    return total
+
+
+def time_per_call(function: "ca.Function", theta: np.ndarray) -> tuple[float, float]:
+    """Median and least time of a call, without CasADi's own share, [us].
+
+    The states differ from call to call, as they do in a simulation.
+
+    Args:
+        function: with ports x, u, theta, compiled or not.
+        theta: the parameters, the same in every call.
+    """
+    rng = np.random.default_rng(0)
+    columns = {
+        "x": rng.uniform(-0.5, 0.5, (function.size1_in("x"), _STATES)),
+        "u": rng.uniform(0.0, 12.0, (function.size1_in("u"), _STATES)),
+        "theta": np.repeat(theta[:, np.newaxis], _STATES, axis=1),
+    }
+    times = _timings(function, [columns[port] for port in function.name_in()])
+    overhead = _overhead()
+    return max(statistics.median(times) - overhead, 0.0), max(min(times) - overhead, 0.0)
+
+
+def _overhead() -> float:
+    """Median time of a mapped call of a function that does next to nothing [us]."""
+    import casadi as ca
+
+    from ..compile import twin
+
+    x = ca.SX.sym("x")
+    nothing = twin(ca.Function("nothing", [x], [x]))
+    return statistics.median(_timings(nothing, [np.zeros((1, _STATES))]))
+
+
+def _timings(function: "ca.Function", columns: list[np.ndarray]) -> list[float]:
+    """Times per call, one for each repeat, the calls made in C++ [us]."""
+    from ..bound import Bound
+
+    bound = Bound(function.map(_STATES))
+    for buffer, values in zip(bound.inputs, columns, strict=True):
+        buffer[...] = values.reshape(buffer.shape)
+    bound.run()
+    start = time.perf_counter()
+    bound.run()
+    rounds = max(1, round(_TIMING_S / (time.perf_counter() - start)))
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        for _ in range(rounds):
+            bound.run()
+        times.append((time.perf_counter() - start) / (rounds * _STATES) * 1e6)
+    return times
+
+
+def _size(text: str) -> int:
+    number = int(text)
+    if not 2 <= number <= 256:
+        raise argparse.ArgumentTypeError(f"expected a number of discs from 2 to 256, got {text}")
+    return number

@@ -1,0 +1,144 @@
+"""Simulating a scene and saying how it went: what `demo` and `simulate` share."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .common import Report, phase
+
+if TYPE_CHECKING:
+    from ..model import Model
+    from ..result import Run
+    from ..scene import Scene
+
+_SLACK_SAMPLES = 200
+
+
+def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings: Any) -> "Run":
+    """Build, compile and integrate a scene, each phase timed and reported.
+
+    Args:
+        scene: the scene.
+        report: where to say so.
+        build: options that replace the scene's.
+        settings: of `dtcasadi.simulate`; None: the scene's.
+    """
+    from ..integrators import METHODS
+    from ..simulate import simulate
+
+    given = {"method": scene.method, "t_end": scene.t_end, "step_s": scene.step_s}
+    given |= {"rtol": scene.rtol, "atol": scene.atol}
+    given |= {key: value for key, value in settings.items() if value is not None}
+    start = time.perf_counter()
+    model = scene.build(**build)
+    x0 = scene.x0(model)
+    built = time.perf_counter() - start
+    _describe(scene, model, report)
+    report.section("phases", "wall time")
+    report.line("build the model      {build:8.3f} s", build=built)
+    with phase(report, "compile", "compile, or find it  {seconds:8.3f} s"):
+        # A method unknown here is refused by `simulate`.
+        METHODS.get(given["method"], METHODS["LSODA"]).prepare(model)
+    start = time.perf_counter()
+    run = simulate(model, x0, pressure=scene.pressure, **given)
+    checks = time.perf_counter() - start - run.wall_time
+    report.line("integrate            {integrate:8.3f} s", integrate=run.wall_time)
+    report.line("energy, conditioning {checks:8.3f} s", checks=checks)
+    return run
+
+
+def _describe(scene: "Scene", model: "Model", report: Report) -> None:
+    """The scene and its model."""
+    charts = sorted({chart.name for chart in model.charts})
+    report.section("scene", f"{scene.name}: {scene.title}")
+    report.note(name=scene.name, title=scene.title)
+    report.line(
+        "discs {n_discs}, springs {n_springs}, chambers {n_chambers}; chart {chart}, "
+        "coordinates {n_q}, states {n_x}",
+        n_discs=model.n_discs,
+        n_springs=len(model.robot.springs),
+        n_chambers=model.n_u,
+        chart="/".join(charts),
+        n_q=model.n_q,
+        n_x=model.n_x,
+    )
+
+
+def draw(run: "Run", folder: Path, report: Report, view: str | None = None) -> None:
+    """The three pictures of a run."""
+    from .. import plots
+
+    for name in ("filmstrip", "coordinates", "energy_and_pressure"):
+        path = folder / f"{name}.png"
+        options = {"view": view} if name == "filmstrip" else {}
+        getattr(plots, name)(run, path, **options)
+        report.wrote(path)
+
+
+def health(run: "Run", report: Report) -> None:
+    """How far the run can be trusted."""
+    import numpy as np
+
+    report.section("health", "health")
+    report.line("{outcome}: {message}", outcome=_outcome(run), message=run.message)
+    report.note(success=run.success)
+    report.line(
+        "method {method}: {steps} steps, {evaluations} evaluations of the state equation",
+        method=run.method,
+        steps=run.steps,
+        evaluations=run.evaluations,
+    )
+    energy = run.energy
+    report.line(
+        "energy: kinetic {kinetic_J:.4g} J, potential {potential_change_J:+.4g} J since the start, "
+        "supplied {supplied_J:.4g} J, dissipated {dissipated_J:.4g} J",
+        kinetic_J=energy["kinetic"][-1],
+        potential_change_J=energy["potential"][-1] - energy["potential"][0],
+        supplied_J=energy["supplied"][-1],
+        dissipated_J=energy["dissipated"][-1],
+    )
+    report.line(
+        "energy balance: residual at most {residual_J:.1e} J",
+        residual_J=np.abs(energy["residual"]).max(),
+    )
+    report.line(
+        "condition number of the mass matrix: {condition_min:.4g} to {condition_max:.4g}",
+        condition_min=run.condition.min(),
+        condition_max=run.condition.max(),
+    )
+    lowest, segment, moment = _lowest_tension(run)
+    report.line(
+        "lowest thread tension: {tension_N:.4g} N, in thread {tension_thread} at "
+        "{tension_s:.3g} s{tension_remark}",
+        tension_N=lowest,
+        tension_thread=segment,
+        tension_s=moment,
+        tension_remark=" (negative: a real thread would go slack)" if lowest < 0 else "",
+    )
+    if run.recentrings:
+        report.line("{recentrings} re-centrings of charts", recentrings=len(run.recentrings))
+
+
+def _outcome(run: "Run") -> str:
+    return "succeeded" if run.success else "FAILED"
+
+
+def _lowest_tension(run: "Run") -> tuple[float, int, float]:
+    """Tension [N], number of its thread and time [s], at no more than 200 steps."""
+    import numpy as np
+
+    model, n = run.model, len(run.t)
+    at = np.unique(np.linspace(0, n - 1, min(n, _SLACK_SAMPLES)).round().astype(int))
+    pressure = run.pressure
+    tension: np.ndarray = np.array(
+        [
+            np.array(
+                model.thread_tension(
+                    run.q[:, k], run.qd[:, k], pressure[:, k], np.zeros(model.n_q), run.theta
+                )
+            ).ravel()
+            for k in at
+        ]
+    )
+    step, segment = np.unravel_index(np.argmin(tension), tension.shape)
+    return float(tension[step, segment]), int(segment) + 1, float(run.t[at[step]])

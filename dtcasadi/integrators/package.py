@@ -1,0 +1,190 @@
+"""This package's one-step methods as integration methods: the loop, re-centring, failures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..commands import FunctionPiece
+from ..errors import SimulationError
+from ..model import Model
+from ..profile import Piece
+from ..recentring import LIMIT, chart_limit, guard_indices, off_centre
+from .loop import Loop, LoopState, Stop, build_loop
+from .problem import Problem, Trajectory
+from .recorder import Recorder, segment_of
+from .stability import stability_limit
+from .step import OneStep
+from .steppers import plant_of, step_function
+
+# Steps per call of the compiled loop: the progress bar and Ctrl-C wait no longer than this.
+CHUNK = 4096
+# A last Newton correction above this share of the stages is a failed step.
+SLACK_MAX = 1e-6
+_WHY = {
+    Stop.TOO_SMALL: "the step became too small for the tolerances",
+    Stop.NOT_FINITE: "the step gave a state that is not finite",
+    Stop.NEWTON: "the Newton iteration of the step did not converge",
+}
+
+
+@dataclass(frozen=True)
+class Package:
+    """A one-step method with error control where it has an estimate, else with a fixed step."""
+
+    method: OneStep
+
+    @property
+    def name(self) -> str:
+        """The method's name."""
+        return self.method.name
+
+    def prepare(self, model: Model) -> None:
+        """Compile the loop."""
+        self.loop(model)
+        model.compiled("ode")
+
+    def loop(self, model: Model) -> Loop:
+        """The compiled loop of this method for a model, built once."""
+
+        def build() -> Loop:
+            step, fallback = (step_function(self.method, plant_of(g)) for g in model.graphs)
+            return build_loop(step, fallback)
+
+        return model.once(("loop", self.name), build)
+
+    def integrate(self, problem: Problem) -> Trajectory:
+        """Run piece by piece, re-centring where a watched angle leaves its limit.
+
+        Raises:
+            SimulationError: a step is needed, or it is beyond the linear stability limit.
+        """
+        _refuse_functions(self.name, problem)
+        self._refuse_unstable(problem)
+        recorder = Recorder(problem)
+        run = Advance(problem, recorder)
+        failure = ""
+        for piece in problem.pieces:
+            failure = run.over(self, piece, piece.t_end)
+            if failure:
+                break
+        recorder.evaluations = 0
+        return recorder.finish(self.name, failure)
+
+    def _refuse_unstable(self, problem: Problem) -> None:
+        if self.method.error_order:
+            return
+        if problem.step_s is None:
+            raise SimulationError(f"step_s: method {self.name} needs a step [s], got None")
+        if problem.force or self.method.a_stable:
+            return
+        limit = stability_limit(problem, self.method)
+        if problem.step_s > limit:
+            raise SimulationError(
+                f"step_s: {problem.step_s:g} s is beyond the linear stability limit {limit:.3g} s "
+                f"of {self.name} at the start; take a smaller step, an L-stable method (rodas4, "
+                "radau5), or force=True"
+            )
+
+
+class Advance:
+    """A run under way: state, parameters and the size of the next step."""
+
+    def __init__(self, problem: Problem, recorder: Recorder):
+        self.problem, self.recorder = problem, recorder
+        self.x, self.theta = problem.x0.copy(), problem.theta.copy()
+        self.t = problem.pieces[0].t_start
+        self.h: float | None = None
+        self._guard = guard_indices(problem.model)
+
+    def over(self, method: Package, piece: Piece, t_end: float, most: int | None = None) -> str:
+        """Advance to t_end inside a piece (or `most` steps); returns why it failed, or nothing."""
+        state = self._state(method, piece, t_end)
+        loop = method.loop(self.problem.model)
+        command = (piece(piece.t_start), np.asarray(piece.slope, dtype=float))
+        state.capacity = CHUNK if most is None else most
+        before = 0
+        while True:
+            why, t, x = loop.run(state, command, self.theta, self._guard, self.x)
+            self.recorder.add(t, x, self.theta)
+            self.recorder.rejected += state.rejected - before
+            before = state.rejected
+            self.t, self.h = state.t, state.h
+            self.problem.advance(self.t)
+            if why is Stop.GUARD:
+                self._recentre()
+                if most is not None or self.t >= t_end:
+                    return ""
+            elif why is Stop.AT_END or (why is Stop.FULL and most is not None):
+                return ""
+            elif why is not Stop.FULL:
+                return self._failure(method.name, why, state.h)
+
+    def _state(self, method: Package, piece: Piece, t_end: float) -> LoopState:
+        problem = self.problem
+        adaptive = method.method.error_order > 0
+        if adaptive:
+            if self.h is None:
+                self.h = problem.step_s or self._first_step(piece)
+            h, h_max = self.h, t_end - self.t
+        else:
+            span = piece.t_end - piece.t_start
+            assert problem.step_s is not None
+            h = h_max = span / max(1, round(span / problem.step_s))
+        return LoopState(
+            t=self.t,
+            h=h,
+            previous=1e-4,
+            t_end=t_end,
+            rtol=problem.rtol,
+            atol=problem.atol,
+            h_max=h_max,
+            order=method.method.error_order + 1,
+            slack_max=SLACK_MAX,
+            limit=LIMIT,
+            t_command=piece.t_start,
+            adaptive=adaptive,
+            n_guard=len(self._guard),
+        )
+
+    def _first_step(self, piece: Piece) -> float:
+        """Hairer, Norsett, Wanner, section II.4, without its second evaluation: 0.01 |x|/|xdot|."""
+        ode = self.problem.model.compiled("ode")
+        rate = ode(self.x, piece(self.t), self.theta)
+        scale = self.problem.atol + self.problem.rtol * np.abs(self.x)
+        size, speed = np.max(np.abs(self.x) / scale), np.max(np.abs(rate) / scale)
+        guess = 0.01 * size / speed if size > 1e-5 and speed > 1e-5 else 1e-6
+        return float(min(max(guess, 1e-9 * piece.t_end), piece.t_end - self.t))
+
+    def _recentre(self) -> None:
+        model = self.problem.model
+        segments = off_centre(model, self.x)
+        self.x, self.theta, _ = model.recentre(self.x, self.theta)
+        self.recorder.replace_last(self.x, self.theta, tuple(i + 1 for i in segments))
+
+    def _failure(self, name: str, why: Stop, h: float) -> str:
+        """What failed, when, where, and what to try."""
+        model = self.problem.model
+        rates = self.x[model.n_q : 2 * model.n_q]
+        fastest = int(np.argmax(np.abs(rates))) if model.n_q else 0
+        where = f"segment {segment_of(model, fastest)}" if model.n_q else "the actuator"
+        singular = chart_limit(model, self.x)
+        if singular:
+            hint = f"{singular}; try chart='cardan' with damping='physical'"
+        elif why is Stop.NEWTON:
+            hint = "try a smaller step or an adaptive method"
+        elif name in ("rodas4", "ros2", "ros3"):
+            hint = "try tighter tolerances, or look at the forces there"
+        else:
+            hint = "try a smaller step, or method rodas4 if the scene is stiff"
+        return (
+            f"{name}: {_WHY[why]} after t = {self.t:.6g} s (step {h:.2g} s, {where} moves "
+            f"fastest); {hint}"
+        )
+
+
+def _refuse_functions(name: str, problem: Problem) -> None:
+    if any(isinstance(piece, FunctionPiece) for piece in problem.pieces):
+        raise SimulationError(
+            f"method {name} takes a pressure as numbers or a Profile; with a function of time use "
+            "auto, LSODA, Radau or another of SciPy's"
+        )

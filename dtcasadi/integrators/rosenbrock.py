@@ -1,0 +1,226 @@
+"""Linearly implicit (Rosenbrock-Wanner) methods: a fixed number of linear solves, no Newton.
+
+With W = I/(h gamma) - J and J, f_t the derivatives at the start of the step,
+
+    W k_i = f(t + alpha_i h, x + sum_j<i A_ij k_j) + sum_j<i C_ij k_j / h + gamma_i h f_t,
+    x_next = x + sum m_i k_i,      error = sum e_i k_i
+
+(Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.7, eq (7.25)). The state is
+x = [q; v; z] with q' = v, so that q is eliminated by hand and what is factored is
+M/(h gamma) + D + h gamma K with d tau/d qdd = M, d tau/d v = D, d tau/d q = K.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..linear import Factored
+from .step import At, Plant, Sensitivity, Step, butcher_stability, combined, differentiated
+from .tableau import lower
+
+
+@dataclass(frozen=True, eq=False)
+class Rosenbrock:
+    """Coefficients in the form above; every method here is L-stable.
+
+    Attributes:
+        name: what `simulate(method=...)` calls it.
+        order: order of consistency.
+        gamma: diagonal coefficient.
+        A: stage weights, strictly lower triangular, shape (s, s).
+        C: coupling weights, strictly lower triangular, shape (s, s).
+        m: weights of the solution, shape (s,).
+        e: weights of the embedded error estimate, shape (s,); zero without one.
+        error_order: order of the lower of the two embedded solutions; 0 without an estimate.
+        source: where the coefficients are from.
+    """
+
+    name: str
+    order: int
+    gamma: float
+    A: np.ndarray
+    C: np.ndarray
+    m: np.ndarray
+    e: np.ndarray
+    error_order: int
+    source: str
+
+    def __post_init__(self) -> None:
+        """Order conditions up to the order claimed and R(infinity) = 0."""
+        b, alpha, beta = self.classical()
+        assert np.allclose(_defects(b, alpha, beta)[: (1, 2, 4, 8)[self.order - 1]], 0, atol=1e-9)
+        at_infinity = 1 - b @ np.linalg.solve(beta, np.ones(len(b)))
+        assert abs(at_infinity) < 1e-9, f"{self.name} is not L-stable"
+        if self.error_order:
+            b_hat = b - self.e @ self._gammas()
+            count = (1, 2, 4, 8)[self.error_order - 1]
+            assert np.allclose(_defects(b_hat, alpha, beta)[:count], 0, atol=1e-9), self.name
+
+    def _gammas(self) -> np.ndarray:
+        """Gamma = (I/gamma - C)^-1, shape (s, s)."""
+        return np.linalg.inv(np.eye(len(self.m)) / self.gamma - self.C)
+
+    def classical(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """b, alpha and beta = alpha + Gamma of the untransformed method."""
+        gammas = self._gammas()
+        alpha = self.A @ gammas
+        return self.m @ gammas, alpha, alpha + gammas
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.m)
+
+    @property
+    def a_stable(self) -> bool:
+        """Every method here is."""
+        return True
+
+    def stability(self, z: np.ndarray) -> np.ndarray:
+        """R(z) = 1 + z b^T (I - z beta)^-1 1."""
+        b, _, beta = self.classical()
+        return butcher_stability(beta, b, z)
+
+    def step(self, plant: Plant, at: At) -> Step:
+        """All stages with one factorization."""
+        x_next, error, _ = self._solved(plant, at)
+        return Step(x_next, error, ca.MX(0))
+
+    def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
+        """Exact: the step differentiated, second derivatives of the dynamics included (slow).
+
+        Otherwise J is taken as constant over the step, F_x = R(h J): off by O(h^2) terms of the
+        dynamics' second derivatives, at the cost of one more solve per stage.
+        """
+        if exact:
+            return self.step(plant, at), differentiated(self, plant, at)
+        x_next, error, (M, D, K, UT, W) = self._solved(plant, at)
+        n, n_z = plant.form.n_q, plant.form.n_z
+        n_x, n_w = 2 * n + n_z, UT.shape[1]
+        sigma = 1 / (at.h * self.gamma)
+        # Columns: the directions [x, u, theta]; each stage is linear in them with J frozen.
+        start = ca.horzcat(ca.MX.eye(n_x), ca.MX(n_x, n_w))
+        stages: list[ca.MX] = []
+        for i in range(self.stages):
+            moved = start + combined(self.A[i], stages) if np.any(self.A[i]) else start
+            r_q = moved[n : 2 * n, :]
+            pushed = -ca.mtimes(K[:, :n], moved[:n, :]) - ca.mtimes(D, moved[n:, :])
+            pushed = pushed - ca.horzcat(ca.MX(n + n_z, n_x), UT)
+            if i:
+                coupled = combined(self.C[i], stages) / at.h
+                r_q = r_q + coupled[:n, :]
+                pushed = pushed + ca.mtimes(M, coupled[n:, :])
+            k_v = W.solve(pushed - ca.mtimes(K[:, :n], r_q) / sigma)
+            stages.append(ca.vertcat((r_q + k_v[:n, :]) / sigma, k_v))
+        total = start + combined(self.m, stages)
+        blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
+        return Step(x_next, error, ca.MX(0)), Sensitivity(*blocks)
+
+    def _solved(self, plant: Plant, at: At) -> tuple[ca.MX, ca.MX, tuple]:
+        """x_next, the error estimate and the matrices of the step."""
+        n, n_z = plant.form.n_q, plant.form.n_z
+        q, v, z = ca.vertsplit(at.x, plant.sizes)
+        first = plant.ode(at.x, at.u, at.theta)
+        _, a, zdot = ca.vertsplit(first, plant.sizes)
+        M, D, K, U, T = plant.form.jacobian(q, v, z, a, zdot, at.u, at.theta)
+        sigma = 1 / (at.h * self.gamma)
+        W = Factored(sigma * M + D + K / sigma, native=plant.native)
+        drift = -ca.mtimes(U, at.du)  # M f_t: what a changing command adds to the force balance
+        gamma = self._gammas().sum(axis=1)
+        alpha = self.classical()[1].sum(axis=1)
+        stages: list[ca.MX] = []
+        for i in range(self.stages):
+            rate = first
+            if np.any(self.A[i]):
+                moved = at.x + combined(self.A[i], stages)
+                rate = plant.ode(moved, at.u + alpha[i] * at.h * at.du, at.theta)
+            if i:
+                rate = rate + combined(self.C[i], stages) / at.h
+            r_q, r_v = ca.vertsplit(rate, [0, n, 2 * n + n_z])
+            rhs = ca.mtimes(M, r_v) - ca.mtimes(K[:, :n], r_q) / sigma + gamma[i] * at.h * drift
+            k_v = W.solve(rhs)
+            stages.append(ca.vertcat((r_q + k_v[:n]) / sigma, k_v))
+        matrices = (M, D, K, ca.horzcat(U, T), W)
+        return at.x + combined(self.m, stages), combined(self.e, stages), matrices
+
+
+def _defects(b: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> list[float]:
+    """Order conditions 1 to 4 of Rosenbrock methods, Hairer-Wanner II, table IV.7.1."""
+    one = np.ones(len(b))
+    a, B = alpha @ one, beta @ one
+    return [
+        b @ one - 1,
+        b @ B - 1 / 2,
+        b @ a**2 - 1 / 3,
+        b @ beta @ B - 1 / 6,
+        b @ a**3 - 1 / 4,
+        b @ (a * (alpha @ B)) - 1 / 8,
+        b @ beta @ a**2 - 1 / 12,
+        b @ beta @ beta @ B - 1 / 24,
+    ]
+
+
+_G2 = 1 - 1 / np.sqrt(2)
+ROS1 = Rosenbrock(
+    "ros1",
+    1,
+    1.0,
+    lower(),
+    lower(),
+    np.array([1.0]),
+    np.array([0.0]),
+    0,
+    "linearly implicit Euler",
+)
+ROS2 = Rosenbrock(
+    "ros2",
+    2,
+    _G2,
+    lower([1 / _G2]),
+    lower([-2 / _G2]),
+    np.array([1.5, 0.5]) / _G2,
+    np.array([0.5, 0.5]) / _G2,
+    1,
+    "Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999)",
+)
+ROS3 = Rosenbrock(
+    "ros3",
+    3,
+    0.43586652150845899941601945119356,
+    lower([1.0], [1.0, 0.0]),
+    lower(
+        [-1.0156171083877702091975600115545],
+        [4.0759956452537699824805835358067, 9.2076794298330791242156818474003],
+    ),
+    np.array([1.0, 6.1697947043828245592553615689730, -0.42772256543218573326238373806514]),
+    np.array([0.5, -2.9079558716805469821718236208017, 0.22354069897811569627360909276199]),
+    2,
+    "Sandu, Verwer, Blom, Spee, Carmichael, Potra, Atmos. Environ. 31 (1997)",
+)
+RODAS4 = Rosenbrock(
+    "rodas4",
+    4,
+    0.25,
+    lower(
+        [1.544],
+        [0.9466785280815826, 0.2557011698983284],
+        [3.314825187068521, 2.896124015972201, 0.9986419139977817],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0],
+    ),
+    lower(
+        [-5.6688],
+        [-2.430093356833875, -0.2063599157091915],
+        [-0.1073529058151375, -9.594562251023355, -20.47028614809616],
+        [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160],
+        [
+            *(8.083246795921522, -7.981132988064893, -31.52159432874371),
+            *(16.31930543123136, -6.058818238834054),
+        ],
+    ),
+    np.array([1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1, 1]),
+    np.array([0.0, 0, 0, 0, 0, 1]),
+    3,
+    "Hairer, Wanner, Solving Ordinary Differential Equations II, RODAS",
+)

@@ -1,0 +1,132 @@
+"""What every one-step method is given and gives back, as CasADi MX expressions."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from ..jacobians import ImplicitForm
+from ..linear import Factored
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A model's state equation in the forms that steps are built from.
+
+    Attributes:
+        ode: xdot(x, u, theta).
+        form: the implicit form, its residual and derivatives.
+        momenta: p(q, qd, theta).
+        force: dL/dq + Q (q, qd, pressure, theta), the right side of eq (7).
+        rates: M^-1 p (q, p, theta).
+        native: whether C kernels may be embedded (generated code only).
+    """
+
+    ode: ca.Function
+    form: ImplicitForm
+    momenta: ca.Function
+    force: ca.Function
+    rates: ca.Function
+    native: bool
+
+    @property
+    def sizes(self) -> list[int]:
+        """Offsets of q, v and z in x."""
+        n = self.form.n_q
+        return [0, n, 2 * n, 2 * n + self.form.n_z]
+
+
+class At(NamedTuple):
+    """Where a step starts: state, command and its rate of change, step and parameters."""
+
+    x: ca.MX
+    u: ca.MX
+    du: ca.MX
+    h: ca.MX
+    theta: ca.MX
+
+
+class Step(NamedTuple):
+    """One step.
+
+    x_next (n_x,); error (n_x,), the embedded estimate, zero without one; slack, how far the stage
+    equations are from solved, relative to the stages (zero for methods that iterate nothing).
+    """
+
+    x_next: ca.MX
+    error: ca.MX
+    slack: ca.MX
+
+
+class Sensitivity(NamedTuple):
+    """Derivatives of x_next for x, a constant command u, and theta (but its block `frames`)."""
+
+    F_x: ca.MX
+    F_u: ca.MX
+    F_theta: ca.MX
+
+
+class OneStep(Protocol):
+    """A method as a value: coefficients, order, and how to take a step and differentiate it."""
+
+    @property
+    def name(self) -> str:
+        """What `simulate(method=...)` and `model.discrete(method=...)` call it."""
+
+    @property
+    def order(self) -> int:
+        """Order of consistency."""
+
+    @property
+    def error_order(self) -> int:
+        """Order of the lower of two embedded solutions; 0 without an error estimate."""
+
+    def step(self, plant: Plant, at: At) -> Step:
+        """The step from `at`."""
+
+    def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
+        """The step and its derivatives at du = 0; not exact: the method's cheaper form."""
+
+    @property
+    def a_stable(self) -> bool:
+        """Whether no decaying mode limits the step."""
+
+    def stability(self, z: np.ndarray) -> np.ndarray:
+        """R(z) on x' = lambda x, z = h lambda, shape (n,)."""
+
+
+def combined(weights: np.ndarray, terms: list[ca.MX]) -> ca.MX:
+    """Sum of weights[i] * terms[i], terms with weight zero left out."""
+    kept = [w * term for w, term in zip(weights, terms, strict=False) if w != 0]
+    return sum(kept[1:], kept[0]) if kept else ca.MX.zeros(terms[0].shape)
+
+
+def butcher_stability(a: np.ndarray, b: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """R(z) = 1 + z b^T (I - z A)^-1 1 of a Runge-Kutta method (Hairer, Wanner II, eq (IV.3.2))."""
+    one, eye = np.ones(len(b)), np.eye(len(b))
+    systems = eye - np.asarray(z)[:, np.newaxis, np.newaxis] * a
+    return 1 + z * (
+        np.linalg.solve(systems, np.tile(one[:, np.newaxis], (len(z), 1, 1)))[..., 0] @ b
+    )
+
+
+def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
+    """F_x of the state equation, and its derivative for the columns [u, theta], at the start."""
+    q, v, z = ca.vertsplit(at.x, plant.sizes)
+    xdot = plant.ode(at.x, at.u, at.theta)
+    _, a, zdot = ca.vertsplit(xdot, plant.sizes)
+    M, D, K, U, T = plant.form.jacobian(q, v, z, a, zdot, at.u, at.theta)
+    n, n_z = plant.form.n_q, plant.form.n_z
+    by = -Factored(M, native=plant.native).solve(ca.horzcat(K[:, :n], D, U, T))
+    top = ca.horzcat(ca.MX(n, n), ca.MX.eye(n), ca.MX(n, n_z))
+    F_x = ca.vertcat(top, by[:, : 2 * n + n_z])
+    return F_x, ca.vertcat(ca.MX(n, U.shape[1] + T.shape[1]), by[:, 2 * n + n_z :])
+
+
+def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
+    """Exact derivatives of any step by automatic differentiation of its graph."""
+    symbols = [ca.MX.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)]
+    value = method.step(plant, At(*symbols)).x_next
+    blocks = [ca.jacobian(value, symbols[i]) for i in (0, 1, 4)]
+    return Sensitivity(*ca.Function("differentiated", symbols, blocks).call(list(at)))

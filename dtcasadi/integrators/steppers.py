@@ -1,0 +1,54 @@
+"""One-step methods of this package by name, and their steps as CasADi Functions."""
+
+import casadi as ca
+
+from .. import functions
+from ..graphs import Graphs
+from ..jacobians import implicit_form
+from .collocation import MIDPOINT, RADAU3, RADAU5, SDIRK2
+from .explicit import Explicit
+from .rosenbrock import RODAS4, ROS1, ROS2, ROS3
+from .step import At, OneStep, Plant
+from .symplectic import GAUSS2, GAUSS4
+from .tableau import DOPRI5, EULER, HEUN, RK4, TSIT5
+
+_ALL: tuple[OneStep, ...] = (
+    *(Explicit(tableau) for tableau in (EULER, HEUN, RK4, DOPRI5, TSIT5)),
+    *(ROS1, ROS2, ROS3, RODAS4),
+    *(SDIRK2, MIDPOINT, RADAU3, RADAU5),
+    *(GAUSS2, GAUSS4),
+)
+ONE_STEP = {method.name: method for method in _ALL}
+
+
+def plant_of(g: Graphs) -> Plant:
+    """A model's graphs in the forms steps are built from."""
+    return Plant(
+        ode=functions.ode(g),
+        form=implicit_form(g),
+        momenta=functions.momenta(g),
+        force=functions.canonical_force(g),
+        rates=functions.canonical_rates(g),
+        native=g.native,
+    )
+
+
+def symbols(plant: Plant) -> At:
+    """Fresh symbols of a step's ports."""
+    sizes = [plant.ode.size1_in(i) for i in range(3)]
+    return At(
+        ca.MX.sym("x", sizes[0]),
+        ca.MX.sym("u", sizes[1]),
+        ca.MX.sym("du", sizes[1]),
+        ca.MX.sym("h"),
+        ca.MX.sym("theta", sizes[2]),
+    )
+
+
+def step_function(method: OneStep, plant: Plant) -> ca.Function:
+    """The step with free size: x, u, du, h, theta -> x_next, error, slack."""
+    at = symbols(plant)
+    step = method.step(plant, at)
+    outputs = [ca.densify(part) for part in step]
+    name = f"step_{method.name}"
+    return ca.Function(name, list(at), outputs, list(At._fields), list(step._fields), {"cse": True})

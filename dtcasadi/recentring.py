@@ -1,0 +1,229 @@
+"""Re-centring: A and B of a segment absorb its pose, so that no pose is singular.
+
+For segments in the `cardan` chart (`xy|xyz`) of a model with physical damping, whose A, B are the
+theta block `frames`. R_rel = A R_thread B R_disc is singular where the second thread angle b or the
+middle disc angle e reaches 90 degrees. When one leaves 45 degrees,
+
+    A' = A R_thread,   B' = B R_disc,   q' = 0,   qd' = D qd
+
+keeps R_rel, the thread's direction t, the rate of t in frame i and the relative angular velocity;
+the thread's spin, which moves no mass, passes into the disc's rates. The graph and its C stay the
+same. Segments are counted from 0 here, from 1 in messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from .charts import Chart, charts_of, convert_segment
+from .errors import ChartError, ModelError
+from .kernels.recentring import FRAMES, absorbed, chart_change
+
+if TYPE_CHECKING:
+    from .model import Model
+
+# Half way to the singularity: within it cond(D) < 3.8, so M = D^T M' D has a condition at most 14
+# times that of the re-centred M'. A disc that spins for ever re-centres at most 8 times a turn.
+LIMIT = np.pi / 4
+# |cos| or |sin| of a chart's middle angle, which is zero at its singularity. The paper's four-disc
+# robot has cond(M) = 3e2 to 1.5e3 over its square: at 1e-3 up to 1.5e9, so that round-off in qdd,
+# cond(M) 2e-16, comes up to a simulation's default tolerance of 1e-6; and with 1e2 of damping on
+# each rate the fastest eigenvalue is 1e9 1/s.
+THRESHOLD = 1e-3
+# Condition above which momenta are not mapped: their round-off would exceed 1e-6.
+_SINGULAR = 1e10
+_MIDDLE = {"xy": (1, np.cos), "zx": (1, np.sin), "xyz": (1, np.cos), "zxy": (1, np.cos)}
+
+
+class Place(NamedTuple):
+    """Where a segment that re-centres, counted from 0, is found in q and theta."""
+
+    segment: int
+    q: slice
+    frames: slice
+
+
+def places(charts: Sequence[Chart], theta_blocks: Mapping[str, slice]) -> tuple[Place, ...]:
+    """The segments that re-centre, in the order of the block `frames`; see `Model.centres`."""
+    if "frames" not in theta_blocks:
+        return ()
+    start, at, found = 0, theta_blocks["frames"].start, []
+    for i, chart in enumerate(charts):
+        stop = start + chart.words.n_q
+        if chart.recentres:
+            found.append(Place(i, slice(start, stop), slice(at, at + FRAMES)))
+            at += FRAMES
+        start = stop
+    return tuple(found)
+
+
+def guard_indices(model: Model) -> np.ndarray:
+    """Entries of x to watch: |x[i]| > LIMIT asks for re-centring; two per segment, shape (m,)."""
+    starts = [place.q.start for place in model.centres]
+    return np.array([start + k for start in starts for k in (1, 3)], dtype=np.int64)
+
+
+def off_centre(model: Model, x: np.ndarray) -> tuple[int, ...]:
+    """Segments, from 0, whose second thread or middle disc angle has left LIMIT.
+
+    An angle that is not finite is not off centre.
+    """
+    angles = np.abs(np.asarray(x, dtype=float)[guard_indices(model)]).reshape(-1, 2)
+    off = np.any((angles > LIMIT) & np.isfinite(angles), axis=1)
+    return tuple(place.segment for place, is_off in zip(model.centres, off, strict=True) if is_off)
+
+
+def recentre(
+    model: Model, x: np.ndarray, theta: np.ndarray, segments: Iterable[int] | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same motion with some segments' coordinates at zero, and the map of a covariance.
+
+    D is the Jacobian of the exact chart change at fixed A, B, A', B'. A' and B' are made orthogonal
+    to round-off, R (3 - R^T R) / 2, so that the products of a long run do not drift.
+
+    Args:
+        model: the model.
+        x: state [q; qd; actuator states], shape (n_x,).
+        theta: parameters, shape (n_theta,).
+        segments: segments from 0; default: those of `off_centre`.
+
+    Returns:
+        x and theta, new arrays where something changed, and T, shape (n_x, n_x): a covariance P of
+        x becomes T P T^T. T holds [[D, 0], [d(D qd)/dq, D]] in the rows of (q, qd) of a re-centred
+        segment and is the identity elsewhere.
+
+    Raises:
+        ChartError: a segment that cannot re-centre.
+        ModelError: wrong shapes, or a state to re-centre that is not finite.
+    """
+    x, theta = np.asarray(x, dtype=float), np.asarray(theta, dtype=float)
+    for name, value, size in (("x", x, model.n_x), ("theta", theta, len(model.theta0))):
+        if value.shape != (size,):
+            raise ModelError(f"{name}: expected shape ({size},), got {value.shape}")
+    T = np.eye(model.n_x)
+    wanted = off_centre(model, x) if segments is None else tuple(segments)
+    if not wanted:
+        return x, theta, T
+    if not np.all(np.isfinite(x)):
+        raise ModelError("x: expected finite numbers to re-centre")
+    known = {place.segment: place for place in model.centres}
+    x, theta = x.copy(), theta.copy()
+    for segment in wanted:
+        if segment not in known:
+            raise ChartError(
+                f"segment {segment + 1} cannot re-centre: that takes chart cardan and "
+                'damping="physical"'
+            )
+        place = known[segment]
+        q = place.q
+        qd = slice(q.start + model.n_q, q.stop + model.n_q)
+        frames = absorbed()(x[q], theta[place.frames])
+        change = chart_change().call([x[q], x[qd], theta[place.frames], frames])
+        D, cross = change[1].full(), change[2].full()
+        theta[place.frames] = frames.full()[:, 0]
+        x[q], x[qd] = 0.0, D @ x[qd]
+        T[q, q], T[qd, qd], T[qd, q] = D, D, cross
+    return x, theta, T
+
+
+def momentum_map(model: Model, T: np.ndarray) -> np.ndarray:
+    """D^-T, shape (n_q, n_q), from the T of `recentre`: p' = D^-T p, tau' = D^-T tau.
+
+    M' = D^-T M D^-1, so the kinetic energy p^T M^-1 p / 2 stays.
+
+    Raises:
+        ChartError: the pose that was left was singular; no momenta belong to it.
+    """
+    D = T[: model.n_q, : model.n_q]
+    if model.n_q and np.linalg.cond(D) > _SINGULAR:
+        raise ChartError("momenta: expected a pose that is not singular in the chart that was left")
+    return np.linalg.inv(D).T
+
+
+def unwound(
+    model: Model, x: np.ndarray, theta: np.ndarray, chart: str | Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and rates in a chart of choice about the robot's own A and B.
+
+    Independent of where the charts were re-centred, so a run can be shown in them. One state gives
+    principal angles (of a segment whose chart and A, B are the wanted ones already: its own); the
+    columns of a run are joined by whole turns.
+
+    Args:
+        model: the model.
+        x: state, shape (n_x,), or one per column, (n_x, n).
+        theta: its parameters, shape (n_theta,), or one per column, (n_theta, n).
+        chart: chart, or one per segment, wanted.
+
+    Returns:
+        q [rad] and qd [rad/s], shape (n_q,) or (n_q, n) with the wanted chart's n_q.
+
+    Raises:
+        ChartError: an unknown chart, or a pose or rate that it cannot represent.
+    """
+    x, theta = np.asarray(x, dtype=float), np.asarray(theta, dtype=float)
+    target = charts_of(chart, model.n_discs - 1)
+    if x.ndim == 1:
+        return _unwound(model, x, theta, target)
+    thetas = theta.T if theta.ndim == 2 else [theta] * x.shape[1]
+    columns = [_unwound(model, *pair, target) for pair in zip(x.T, thetas, strict=True)]
+    q, qd = (np.array(part).T for part in zip(*columns, strict=True))
+    return np.unwrap(q, axis=1), qd
+
+
+def chart_limit(model: Model, x: np.ndarray) -> str | None:
+    """A sentence when a segment that cannot re-centre is next to its chart's singularity.
+
+    Distances: |cos| of the second thread angle of `xy` (cardan) and of the middle disc angle of
+    `xyz` and `zxy` (paper: psi), |sin beta| of `zx` (paper).
+
+    Returns:
+        What is singular where, or None while every distance is at least THRESHOLD.
+    """
+    free = {place.segment for place in model.centres}
+    start = 0
+    for i, chart in enumerate(model.charts):
+        word_starts = ((chart.words.thread, 0), (chart.words.disc, len(chart.words.thread)))
+        for word, first in word_starts:
+            if i in free or word not in _MIDDLE:
+                continue
+            place, measure = _MIDDLE[word]
+            angle = float(x[start + first + place])
+            distance = abs(float(measure(angle)))
+            if distance < THRESHOLD:
+                return (
+                    f"segment {i + 1}: {chart.coordinate_names[first + place]} = {angle:.6g} rad "
+                    f"is at a singularity of chart {chart.name} "
+                    f"(|{measure.__name__}| = {distance:.1e})"
+                )
+        start += chart.words.n_q
+    return None
+
+
+def _unwound(
+    model: Model, x: np.ndarray, theta: np.ndarray, target: Sequence[Chart]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`unwound` of one state."""
+    frames = {place.segment: theta[place.frames] for place in model.centres}
+    start, n, parts = 0, model.n_q, []
+    for i, (thread, old, new) in enumerate(
+        zip(model.robot.threads, model.charts, target, strict=True)
+    ):
+        stop = start + old.words.n_q
+        q, qd = x[start:stop], x[n + start : n + stop]
+        start = stop
+        source = thread
+        if i in frames:
+            A, B = (part.reshape(3, 3, order="F") for part in np.split(frames[i], 2))
+            source = replace(thread, bend=A, twist=B)
+        same = np.array_equal(source.bend, thread.bend) and np.array_equal(
+            source.twist, thread.twist
+        )
+        if not (same and old is new):
+            q, qd = convert_segment(i + 1, (source, old), (thread, new), q, qd)
+        parts.append((q, qd))
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))  # type: ignore[return-value]
