@@ -172,7 +172,8 @@ def with_jacobian(plain: ca.Function, blocks: ca.Function, g: Graphs) -> ca.Func
 
 def _theta_jacobian(g: Graphs) -> ca.Function:
     """D qdd / d theta = -M^-1 d tau/d theta at (q, qd, qdd, pressure, theta), not for `frames`."""
-    mass = Derivatives(g, g.q, g.qd, g.qdd, None).mass_matrix()
+    still = g.chain.asm.expression(g.chain.n_q, 1)
+    mass = Derivatives(g, g.q, still, still, None).mass_matrix()
     ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
     masses = ca.Function("masses", [g.q, g.theta], [mass], OPTIONS)
     symbols = [ca.MX.sym(f"a{i}", port.shape[0]) for i, port in enumerate(ports)]

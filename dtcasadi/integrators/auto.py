@@ -6,7 +6,7 @@ import numpy as np
 
 from ..commands import FunctionPiece
 from ..model import Model
-from .package import Advance, Package
+from .package import Advance, Package, affine
 from .problem import Problem, Trajectory
 from .recorder import Recorder
 from .rosenbrock import RODAS4
@@ -47,7 +47,7 @@ class Auto:
         uses: list[tuple[float, str, str]] = []
         method, most, failure = IMPLICIT, FIRST_LOOK, ""
         why = "a first look at the step that accuracy allows"
-        for piece in problem.pieces:
+        for piece in affine(self.name, problem):
             while run.t < piece.t_end and not failure:
                 if not uses or uses[-1][1] != method.name:
                     uses.append((run.t, method.name, why))

@@ -58,12 +58,12 @@ class Package:
         Raises:
             SimulationError: a step is needed, or it is beyond the linear stability limit.
         """
-        _refuse_functions(self.name, problem)
+        pieces = affine(self.name, problem)
         self._refuse_unstable(problem)
         recorder = Recorder(problem)
         run = Advance(problem, recorder)
         failure = ""
-        for piece in problem.pieces:
+        for piece in pieces:
             failure = run.over(self, piece, piece.t_end)
             if failure:
                 break
@@ -182,9 +182,16 @@ class Advance:
         )
 
 
-def _refuse_functions(name: str, problem: Problem) -> None:
-    if any(isinstance(piece, FunctionPiece) for piece in problem.pieces):
+def affine(name: str, problem: Problem) -> tuple[Piece, ...]:
+    """The command's pieces, which the compiled loop needs to be affine in time.
+
+    Raises:
+        SimulationError: the command is a function of time.
+    """
+    pieces = tuple(piece for piece in problem.pieces if isinstance(piece, Piece))
+    if len(pieces) < len(problem.pieces):
         raise SimulationError(
             f"method {name} takes a pressure as numbers or a Profile; with a function of time use "
             "auto, LSODA, Radau or another of SciPy's"
         )
+    return pieces

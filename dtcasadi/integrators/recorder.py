@@ -99,8 +99,8 @@ def _rates(
     """State derivatives at one end of every step, shape (n_x, n - 1)."""
     ode = problem.model.compiled("ode")
     starts = np.array([piece.t_start for piece in problem.pieces])
-    side = "right" if at_start else "left"
-    owners = np.maximum(np.searchsorted(starts, t, side=side) - 1, 0)
+    after = np.searchsorted(starts, t, side="right" if at_start else "left")
+    owners = np.maximum(after - 1, 0)
     rates = np.empty_like(x)
     for k in range(x.shape[1]):
         ode.inputs.x[:], ode.inputs.theta[:] = x[:, k], thetas[:, k]
