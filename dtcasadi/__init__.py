@@ -2,6 +2,7 @@
 
 from .actuators import Direct, Regulator
 from .charts import convert
+from .discrete import DiscreteModel
 from .model import Model, build
 from .profile import Profile
 from .result import Run
@@ -14,6 +15,7 @@ __all__ = [
     "Damping",
     "Direct",
     "Disc",
+    "DiscreteModel",
     "Model",
     "Profile",
     "Regulator",

@@ -35,6 +35,7 @@ __all__ = [
     "c_source",
     "cache_folder",
     "compile_functions",
+    "external_with_jacobian",
     "find_compiler",
     "load_library",
     "twin",
@@ -152,6 +153,30 @@ def load_library(
     try:
         return ctypes.CDLL(str(_library(text, DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
     except (CompileError, OSError) as error:
+        _say_no_compiler(str(error))
+        return None
+
+
+def external_with_jacobian(function: ca.Function, blocks: ca.Function) -> ca.Function | None:
+    """A compiled twin that CasADi can differentiate once, from one library.
+
+    Args:
+        function: x, u, theta -> value.
+        blocks: x, u, theta -> value, d value/d x, d value/d u.
+
+    Returns:
+        The external Function, its derivative for theta zero; None without a working compiler.
+    """
+    name, ports = _PREFIX + function.name(), function.name_in()
+    symbols = [ca.MX.sym(port, function.size1_in(port)) for port in ports]
+    unused = ca.MX.sym("out", *function.size_out(0))
+    values = [*blocks.call(symbols)[1:], ca.MX(function.size1_out(0), symbols[-1].shape[0])]
+    generator = ca.CodeGenerator("dtcasadi", {"with_header": False})
+    generator.add(densified(function, name))
+    generator.add(ca.Function(f"jac_{name}", [*symbols, unused], values))
+    try:
+        return ca.external(name, str(_library(generator.dump(), DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
+    except (CompileError, RuntimeError) as error:
         _say_no_compiler(str(error))
         return None
 

@@ -220,6 +220,8 @@ def _resampled(ring: np.ndarray, n: int) -> np.ndarray:
 def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Disc frames at any times, by cubic Hermite interpolation of the coordinates.
 
+    Across a re-centring, where the coordinates start anew, the frames themselves are blended.
+
     Returns:
         R, shape (m, n_discs, 3, 3), and origins r, shape (m, n_discs, 3) [m].
     """
@@ -234,9 +236,21 @@ def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray,
     )
     n = run.model.n_discs
     R, r = np.zeros((len(times), n, 3, 3)), np.zeros((len(times), n, 3))
-    poses = run.model.poses
-    for m, column in enumerate(q.T):
-        rotation, origin = poses(column, run.theta)
-        R[m] = np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2)
-        r[m] = np.array(origin).T
+    for m, (start, end) in enumerate(zip(k, after, strict=True)):
+        theta = run.thetas[:, start]
+        if np.array_equal(theta, run.thetas[:, end]):
+            rotation, origin = run.model.poses(q[:, m], theta)
+            R[m] = np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2)
+            r[m] = np.array(origin).T
+        else:
+            ends, origins = run.poses(np.array([start, end]))
+            R[m] = _nearest_rotation(rest[m] * ends[0] + s[m] * ends[1])
+            r[m] = rest[m] * origins[0] + s[m] * origins[1]
     return R, r
+
+
+def _nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The rotation nearest to each matrix, shape (..., 3, 3)."""
+    left, _, right = np.linalg.svd(matrix)
+    left[..., -1] *= np.sign(np.linalg.det(left @ right))[..., np.newaxis]
+    return left @ right

@@ -1,7 +1,8 @@
 """The symbols of a model, and the expressions its Functions share."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -132,6 +133,14 @@ class Graphs(Ports):
             load = self.dead_load_parts()
             groups.append(chain.dead_loads(segments, self.options.wrenches, load))
         return chain.total(*groups)
+
+    @cached_property
+    def with_calls(self) -> "Graphs":
+        """These graphs as calls of per-segment Functions, unless one flat graph is small enough."""
+        if self.inlined or self.options.assembly == "graph":
+            return self
+        options = replace(self.options, assembly="graph")
+        return Graphs(self.robot, options, self.layout, native=self.native)
 
     def dead_load_parts(self) -> ca.SX:
         """The theta block `wrench`, six numbers per named disc."""

@@ -1,10 +1,9 @@
 """Builders of the derivative Functions: d qdd = -M^-1 d(inverse dynamics).
 
-Small models are one flat SX graph; larger ones call the rigid bodies' part, the pairs' part and a
-dense solve from MX, which keeps their C code small.
+Small models are one flat SX graph; larger ones call per-segment Functions and a dense solve from
+MX, which is as fast and compiles in a fraction of the time (benchmarks/results/compile_size.md).
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,7 +23,7 @@ class ImplicitForm(NamedTuple):
 
     and `jacobian` gives d residual/d xi = M, d/d(v; z) = D, d/d(q; -) = K, shape (m, m) each with
     m = n_q + n_z (columns of z in K are zero), d/d u = U, shape (m, n_u), and T, shape
-    (m, n_theta), for theta but its block `frames`, which only re-centring changes (zero columns).
+    (m, n_theta - n_frames), for theta behind its block `frames`, which only re-centring changes.
     """
 
     n_q: int
@@ -48,20 +47,21 @@ def implicit_form(g: Graphs) -> ImplicitForm:
         "implicit_residual", ports, [balance], list(names), ["residual"], OPTIONS
     )
 
-    ports = [ca.MX.sym(name, size) for name, size in zip(names, sizes, strict=True)]
+    kind = ca.SX if g.inlined else ca.MX
+    ports = [kind.sym(name, size) for name, size in zip(names, sizes, strict=True)]
     q, v, z, a, zdot, u, theta = ports
     M, dq, dqd, columns = _rigid_part(g)(q, v, a, actuator.pressure(z, u), theta)
     pair_q, pair_qd = _pair_part(g)(q, v, theta)
     rate_z, rate_u, pressure_z, pressure_u = _actuator_jacobian(g, z, u)
-    side, corner = ca.MX(n, n_z), ca.MX(n_z, n)
+    side, corner = kind(n, n_z), kind(n_z, n)
     blocks = {
-        "M": ca.diagcat(M, ca.MX.eye(n_z)),
+        "M": ca.diagcat(M, kind.eye(n_z)),
         "D": ca.blockcat([[dqd + pair_qd, -ca.mtimes(columns, pressure_z)], [corner, -rate_z]]),
-        "K": ca.blockcat([[dq + pair_q, side], [corner, ca.MX(n_z, n_z)]]),
+        "K": ca.blockcat([[dq + pair_q, side], [corner, kind(n_z, n_z)]]),
         "U": ca.vertcat(-ca.mtimes(columns, pressure_u), -rate_u),
         "T": ca.vertcat(
             _free_theta_part(g)(q, v, a, actuator.pressure(z, u), theta),
-            ca.MX(n_z, theta.shape[0]),
+            kind(n_z, theta.shape[0] - g.n_frames),
         ),
     }
     values = [ca.densify(block) for block in blocks.values()]
@@ -70,31 +70,29 @@ def implicit_form(g: Graphs) -> ImplicitForm:
 
 
 def _free_theta_part(g: Graphs) -> ca.Function:
-    """D tau / d theta but for block `frames`, at (q, qd, qdd, pressure, theta)."""
-    columns = g.chain.asm.expression(g.chain.n_q, g.n_frames)
+    """D tau / d theta behind block `frames` at (q, qd, qdd, pressure, theta)."""
+    columns = g.chain.asm.expression(g.chain.n_q, 0)
     if g.n_frames < g.theta.shape[0]:
         tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
-        columns = ca.horzcat(columns, ca.jacobian(tau, g.theta)[:, g.n_frames :])
+        columns = ca.jacobian(tau, g.theta)[:, g.n_frames :]
     ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
     return ca.Function("theta_columns", ports, [columns], OPTIONS)
 
 
 def _rigid_part(g: Graphs) -> ca.Function:
     """M, the rigid bodies' d tau/d q and d tau/d qd, and d Q/d pressure."""
-    parts = Derivatives(g, g.q, g.qd, g.qdd, g.pressure)
+    calls = g.with_calls
+    parts = Derivatives(calls, calls.q, calls.qd, calls.qdd, calls.pressure)
     values = [parts.mass_matrix(), *parts.rigid(), parts.inflation_columns()]
-    ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
+    ports = [calls.q, calls.qd, calls.qdd, calls.pressure, calls.theta]
     return ca.Function("rigid_part", ports, values, OPTIONS)
 
 
 def _pair_part(g: Graphs) -> ca.Function:
-    """Springs' and dampers' d tau/d q and d tau/d qd; calls, since AD makes them long."""
-    if g.inlined or g.options.assembly == "graph":
-        graphs = g
-    else:
-        graphs = Graphs(g.robot, replace(g.options, assembly="graph"), g.layout)
-    parts = Derivatives(graphs, graphs.q, graphs.qd, graphs.qdd, None)
-    ports = [graphs.q, graphs.qd, graphs.theta]
+    """Springs' and dampers' d tau/d q and d tau/d qd."""
+    calls = g.with_calls
+    parts = Derivatives(calls, calls.q, calls.qd, calls.qdd, None)
+    ports = [calls.q, calls.qd, calls.theta]
     return ca.Function("pair_part", ports, list(parts.pairs()), OPTIONS)
 
 
@@ -179,6 +177,7 @@ def _theta_jacobian(g: Graphs) -> ca.Function:
     symbols = [ca.MX.sym(f"a{i}", port.shape[0]) for i, port in enumerate(ports)]
     by_theta = _free_theta_part(g)(*symbols)
     solution = solve_spd(masses(symbols[0], symbols[4]), -by_theta, native=False)
+    solution = ca.horzcat(ca.MX(g.chain.n_q, g.n_frames), solution)
     return ca.Function("theta_jacobian", symbols, [solution])
 
 

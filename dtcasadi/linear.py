@@ -6,7 +6,7 @@ from importlib.resources import files
 
 import casadi as ca
 
-from .kernels.axes import ldl, ldl_solve
+from .kernels.axes import ldl, ldl_solve, lu, lu_solve
 
 # Unrolled up to this size; beyond it the C code of an unrolled solve outgrows its gain in speed.
 UNROLLED = 8
@@ -31,25 +31,32 @@ def solve_spd(matrix: ca.SX | ca.MX, rhs: ca.SX | ca.MX, *, native: bool) -> ca.
 
 
 class Factored:
-    """A square matrix factored once for several solves, LU with partial pivoting.
+    """A square matrix factored once for several solves.
 
-    Native: the C kernels `native/lu_factor.c` and `native/lu_solve.c`. Otherwise CasADi's QR, which
-    the virtual machine can run and differentiate.
+    MX, native: LU with partial pivoting by `native/lu_factor.c` and `native/lu_solve.c`; otherwise
+    CasADi's QR, which the virtual machine can run and differentiate. SX: unrolled LU without
+    pivoting, for matrices close to a mass matrix; what it loses otherwise shows in the step's own
+    residual or error estimate.
     """
 
-    def __init__(self, matrix: ca.MX, *, native: bool):
+    def __init__(self, matrix: ca.SX | ca.MX, *, native: bool):
         self._matrix, self._native, self._n = ca.densify(matrix), native, matrix.shape[0]
-        if native and self._n:
+        self._unrolled = isinstance(matrix, ca.SX)
+        if self._unrolled:
+            self._factors = lu(self._matrix)
+        elif native and self._n:
             n = self._n
             sizes = {"A": (n, n), "LU": (n, n), "P": (n, 1)}
             factor = native_function("lu_factor", ("A",), ("LU", "P"), sizes, N=n)
             self._factors = factor.call([self._matrix])
 
-    def solve(self, rhs: ca.MX) -> ca.MX:
+    def solve(self, rhs: ca.SX | ca.MX) -> ca.SX | ca.MX:
         """X with matrix X = rhs, shape (n, m)."""
         n, m = self._n, rhs.shape[1]
         if n == 0 or m == 0:
             return rhs
+        if self._unrolled:
+            return lu_solve(self._factors, rhs)
         rhs = ca.densify(rhs)
         if not self._native:
             return ca.solve(self._matrix, rhs, "qr")

@@ -1,7 +1,7 @@
 """The model of a robot: named CasADi Functions, their compiled twins, and its parameters."""
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,9 @@ from .errors import ModelError
 from .graphs import Graphs, Options
 from .numbers import theta_layout
 from .robot import Robot
+
+if TYPE_CHECKING:
+    from .discrete import DiscreteModel
 
 # Above this number of discs a call graph compiles faster than it runs slower;
 # benchmarks/results/compile_size.md has the figures behind it.
@@ -205,16 +208,38 @@ class Model:
         """
         if name not in self._compiled:
             function = self._plain(name)
-            self._compiled[name] = twin(function, source=_BUILDERS[name](self._native))
+            self._compiled[name] = twin(function, source=self.native(name))
         function = self._compiled[name]
         ports = _MATRICES.intersection(function.name_out())
         return Bound(function, matrices=ports, name=name)
+
+    def discrete(
+        self, step_s: float, *, method: str = "sdirk2", exact: bool = True
+    ) -> "DiscreteModel":
+        """The model in steps of a fixed size, for estimators, controllers and C export.
+
+        Args:
+            step_s: step [s].
+            method: a name of `dtcasadi.integrators.ONE_STEP`; the default is L-stable, order 2.
+            exact: whether `linearize` gives exact derivatives of the step, or the method's cheaper
+                form (see its `sensitivity`).
+
+        Raises:
+            ModelError: an unknown method, or a step that is not positive.
+        """
+        from .discrete import discretize
+
+        return discretize(self, step_s, method, exact=exact)
 
     def _plain(self, name: str) -> ca.Function:
         """The Function without a derivative of its own."""
         if name not in _BUILDERS:
             raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
         return self.once(("plain", name), lambda: _BUILDERS[name](self._graphs))
+
+    def native(self, name: str) -> ca.Function:
+        """The Function with hand-written C kernels inside, for code generation only."""
+        return self.once(("native", name), lambda: _BUILDERS[name](self._native))
 
     def once(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """What `build` returns, made on the first call with this key and kept with the model."""

@@ -137,7 +137,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
     for place, (kind, rows) in zip(axes.flat, shown.items(), strict=False):
         for row, segment in rows:
-            t, q = _broken(run, run.q[row])
+            t, q = _broken(run, segment, run.q[row])
             place.plot(t, q, color=colours[segment - 1], label=f"segment {segment}")
         place.set_ylabel(f"{_name(kind)} [rad]")
         _time_axis(place, run)
@@ -231,9 +231,10 @@ def _steps(values: np.ndarray) -> str:
     return "default" if np.any(changes[1:] & changes[:-1]) else "steps-post"
 
 
-def _broken(run: Run, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values with a gap at each re-centring, where coordinates start anew."""
-    places = np.searchsorted(run.t, run.recentrings) if run.recentrings else np.zeros(0, int)
+def _broken(run: Run, segment: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values with a gap at each re-centring of the segment, where they start anew."""
+    moments = [time for time, segments in run.recentrings if segment in segments]
+    places = np.searchsorted(run.t, np.array(moments))
     return np.insert(run.t, places, np.nan), np.insert(values, places, np.nan)
 
 
@@ -241,7 +242,7 @@ def _time_axis(axes: Axes, run: Run) -> None:
     end = run.t[-1] if run.t[-1] > run.t[0] else run.t[0] + 1.0
     axes.set_xlim(run.t[0], end)
     axes.grid(color="#dddddd", linewidth=0.6)
-    for moment in run.recentrings:
+    for moment, _ in run.recentrings:
         axes.axvline(moment, color=GREY, linewidth=0.6, linestyle=":")
 
 

@@ -32,7 +32,7 @@ LIMIT = np.pi / 4
 # |cos| or |sin| of a chart's middle angle, which is zero at its singularity. The paper's four-disc
 # robot has cond(M) = 3e2 to 1.5e3 over its square: at 1e-3 up to 1.5e9, so that round-off in qdd,
 # cond(M) 2e-16, comes up to a simulation's default tolerance of 1e-6; and with 1e2 of damping on
-# each rate the fastest eigenvalue is 1e9 1/s.
+# each rate the fastest eigenvalue is -4e8 1/s.
 THRESHOLD = 1e-3
 # Condition above which momenta are not mapped: their round-off would exceed 1e-6.
 _SINGULAR = 1e10

@@ -38,7 +38,7 @@ def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings:
     report.line("build the model      {build:8.3f} s", build=built)
     with phase(report, "compile", "compile, or find it  {seconds:8.3f} s"):
         # A method unknown here is refused by `simulate`.
-        METHODS.get(given["method"], METHODS["LSODA"]).prepare(model)
+        METHODS.get(given["method"], METHODS["auto"]).prepare(model)
     start = time.perf_counter()
     run = simulate(model, x0, pressure=scene.pressure, **given)
     checks = time.perf_counter() - start - run.wall_time
@@ -83,9 +83,11 @@ def health(run: "Run", report: Report) -> None:
     report.line("{outcome}: {message}", outcome=_outcome(run), message=run.message)
     report.note(success=run.success)
     report.line(
-        "method {method}: {steps} steps, {evaluations} evaluations of the state equation",
+        "method {method}: {steps} steps, {rejected} rejected, {evaluations} evaluations of the "
+        "state equation",
         method=run.method,
         steps=run.steps,
+        rejected=run.rejected,
         evaluations=run.evaluations,
     )
     energy = run.energy
@@ -115,8 +117,7 @@ def health(run: "Run", report: Report) -> None:
         tension_s=moment,
         tension_remark=" (negative: a real thread would go slack)" if lowest < 0 else "",
     )
-    if run.recentrings:
-        report.line("{recentrings} re-centrings of charts", recentrings=len(run.recentrings))
+    report.line("charts re-centred {recentrings} times", recentrings=len(run.recentrings))
 
 
 def _outcome(run: "Run") -> str:
@@ -134,7 +135,7 @@ def _lowest_tension(run: "Run") -> tuple[float, int, float]:
         [
             np.array(
                 model.thread_tension(
-                    run.q[:, k], run.qd[:, k], pressure[:, k], np.zeros(model.n_q), run.theta
+                    run.q[:, k], run.qd[:, k], pressure[:, k], np.zeros(model.n_q), run.thetas[:, k]
                 )
             ).ravel()
             for k in at

@@ -6,11 +6,13 @@ from .problem import Method, Problem, Trajectory
 from .scipy_methods import Scipy
 from .step import OneStep
 from .steppers import ONE_STEP
+from .sundials import Sundials
 
 _ALL: tuple[Method, ...] = (
     Auto(),
     *(Package(method) for method in ONE_STEP.values()),
     *(Scipy(name) for name in ("LSODA", "Radau", "BDF", "DOP853", "RK45", "RK23")),
+    *(Sundials(name) for name in ("cvodes", "idas")),
 )
 METHODS = {method.name: method for method in _ALL}
 

@@ -54,53 +54,61 @@ class Collocation:
 
     def step(self, plant: Plant, at: At) -> Step:
         """The step after `newton` corrections; `slack` is the last one relative to the stages."""
-        xi, slack = self._stages(plant, at)
-        return Step(self._end(plant, at, xi), ca.MX.zeros(at.x.shape[0]), slack)
+        stages, slack, _ = self._solved(plant, at)
+        return Step(self._end(plant, at, stages), at.zeros(at.x.shape[0]), slack)
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """By the implicit function theorem, with Jacobians at the stages.
 
         Not exact: with the Jacobian of the step's start for all stages, off by O(h) in it.
         """
-        xi, slack = self._stages(plant, at)
-        parts = [
-            self._jacobian(plant, at, xi, i) if exact else self._start_jacobian(plant, at)
-            for i in range(len(self.b))
-        ]
+        stages, slack, (factor, start) = self._solved(plant, at)
         s, n, n_z = len(self.b), plant.form.n_q, plant.form.n_z
         m, n_x = n + n_z, 2 * n + n_z
+        parts = [start] * s
+        if exact:
+            parts = [
+                tuple(plant.form.jacobian.call(self._arguments(plant, at, stages, i)))
+                for i in range(s)
+            ]
+            factor = Factored(self._matrix(at, parts), native=plant.native)
         c = self.a.sum(axis=1)
         rows = []
         for i, (_, D, K, U, T) in enumerate(parts):
             by_v = D[:, :n] + at.h * c[i] * K[:, :n]
             rows.append(ca.horzcat(K[:, :n], by_v, D[:, n:], U, T))
-        d_xi = -Factored(self._matrix(at, parts), native=plant.native).solve(ca.vertcat(*rows))
-        stages = [d_xi[i * m : (i + 1) * m, :] for i in range(s)]
-        n_w = d_xi.shape[1] - n_x
-        start = ca.horzcat(ca.MX.eye(n_x), ca.MX(n_x, n_w))
-        bent = at.h * start[n : 2 * n, :] + at.h**2 * combined(self.b @ self.a, stages)[:n, :]
-        total = start + ca.vertcat(bent, at.h * combined(self.b, stages))
+        d_all = -factor.solve(ca.vertcat(*rows))
+        d_stages = ca.vertsplit(d_all, m)
+        n_w = d_all.shape[1] - n_x
+        same = ca.horzcat(at.eye(n_x), at.zeros(n_x, n_w))
+        bent = at.h * same[n : 2 * n, :] + at.h**2 * combined(self.b @ self.a, d_stages)[:n, :]
+        total = same + ca.vertcat(bent, at.h * combined(self.b, d_stages))
         blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
-        step = Step(self._end(plant, at, xi), ca.MX.zeros(n_x), slack)
+        step = Step(self._end(plant, at, stages), at.zeros(n_x), slack)
         return step, Sensitivity(*blocks)
 
-    def _stages(self, plant: Plant, at: At) -> tuple[list[ca.MX], ca.MX]:
-        """Accelerations (and rates of z) at the stages, and the size of the last correction."""
-        s, m = len(self.b), plant.form.n_q + plant.form.n_z
+    def _solved(self, plant: Plant, at: At) -> tuple[list[ca.MX], ca.MX, tuple]:
+        """The stages, their last correction, and the Newton matrix with what it is made of.
+
+        A stage is (a; zdot); the matrix holds the Jacobian at the start of the step.
+        """
+        s, n = len(self.b), plant.form.n_q
+        q, v, z = ca.vertsplit(at.x, plant.sizes)
         xdot = plant.ode(at.x, at.u, at.theta)
-        xi = ca.repmat(xdot[plant.form.n_q :], s, 1)
-        parts = [self._start_jacobian(plant, at)] * s
-        factor = Factored(self._matrix(at, parts), native=plant.native)
-        change = xi
+        a, zdot = xdot[n : 2 * n], xdot[2 * n :]
+        start = tuple(plant.form.jacobian.call([q, v, z, a, zdot, at.u, at.theta]))
+        factor = Factored(self._matrix(at, [start] * s), native=plant.native)
+        stages = [xdot[n:]] * s
+        change = xdot[n:]
         for _ in range(self.newton):
-            stages = [xi[i * m : (i + 1) * m] for i in range(s)]
             residuals = [
                 plant.form.residual(*self._arguments(plant, at, stages, i)) for i in range(s)
             ]
             change = factor.solve(ca.vertcat(*residuals))
-            xi = xi - change
-        slack = ca.norm_inf(change) / (1 + ca.norm_inf(xi))
-        return [xi[i * m : (i + 1) * m] for i in range(s)], slack
+            corrections = ca.vertsplit(change, n + plant.form.n_z)
+            stages = [x - d for x, d in zip(stages, corrections, strict=True)]
+        slack = ca.norm_inf(change) / (1 + ca.norm_inf(ca.vertcat(*stages)))
+        return stages, slack, (factor, start)
 
     def _arguments(self, plant: Plant, at: At, stages: list[ca.MX], i: int) -> tuple[ca.MX, ...]:
         """Arguments of the implicit form at stage i."""
@@ -111,14 +119,6 @@ class Collocation:
         Q = q + h * c[i] * v + h**2 * combined(twice[i], stages)[:n]
         u = at.u + c[i] * h * at.du
         return Q, moved[:n], moved[n:], stages[i][:n], stages[i][n:], u, at.theta
-
-    def _jacobian(self, plant: Plant, at: At, stages: list[ca.MX], i: int) -> tuple[ca.MX, ...]:
-        return tuple(plant.form.jacobian(*self._arguments(plant, at, stages, i)))
-
-    def _start_jacobian(self, plant: Plant, at: At) -> tuple[ca.MX, ...]:
-        q, v, z = ca.vertsplit(at.x, plant.sizes)
-        _, a, zdot = ca.vertsplit(plant.ode(at.x, at.u, at.theta), plant.sizes)
-        return tuple(plant.form.jacobian(q, v, z, a, zdot, at.u, at.theta))
 
     def _matrix(self, at: At, parts: list[tuple[ca.MX, ...]]) -> ca.MX:
         """D residual / d stages, shape (s m, s m)."""
@@ -146,7 +146,7 @@ RADAU3 = Collocation(
     3,
     np.array([[5 / 12, -1 / 12], [3 / 4, 1 / 4]]),
     np.array([3 / 4, 1 / 4]),
-    5,
+    7,
     "Radau IIA, Hairer, Wanner II, table IV.5.5",
 )
 RADAU5 = Collocation(
@@ -160,7 +160,7 @@ RADAU5 = Collocation(
         ]
     ),
     np.array([(16 - _S6) / 36, (16 + _S6) / 36, 1 / 9]),
-    7,
+    10,
     "Radau IIA, Hairer, Wanner II, table IV.5.6",
 )
 SDIRK2 = Collocation(
@@ -168,7 +168,7 @@ SDIRK2 = Collocation(
     2,
     np.array([[_G, 0.0], [1 - _G, _G]]),
     np.array([1 - _G, _G]),
-    4,
+    6,
     "Alexander, SIAM J. Numer. Anal. 14 (1977); L-stable",
 )
 MIDPOINT = Collocation(
@@ -176,6 +176,6 @@ MIDPOINT = Collocation(
     2,
     np.array([[0.5]]),
     np.array([1.0]),
-    4,
+    5,
     "implicit midpoint rule on q and qd; A-stable",
 )

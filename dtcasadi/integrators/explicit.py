@@ -50,7 +50,7 @@ class Explicit:
             F_x, F_w = first_order(plant, at._replace(x=state))
             weights = self.tableau.a[i, :i]
             if i:
-                inner = ca.MX.eye(n_x) + at.h * combined(weights, by_x)
+                inner = at.eye(n_x) + at.h * combined(weights, by_x)
                 by_w.append(F_w + at.h * ca.mtimes(F_x, combined(weights, by_w)))
                 by_x.append(ca.mtimes(F_x, inner))
             else:
@@ -59,7 +59,7 @@ class Explicit:
         b = self.tableau.b
         F_w = at.h * combined(b, by_w)
         F_u, F_theta = ca.horzsplit(F_w, [0, at.u.shape[0], F_w.shape[1]])
-        F_x = ca.MX.eye(n_x) + at.h * combined(b, by_x)
+        F_x = at.eye(n_x) + at.h * combined(b, by_x)
         return self._finished(at, slopes), Sensitivity(F_x, F_u, F_theta)
 
     @property
@@ -75,7 +75,7 @@ class Explicit:
         return at.x + at.h * combined(self.tableau.a[i, :i], slopes) if i else at.x
 
     def _finished(self, at: At, slopes: list[ca.MX]) -> Step:
-        error = ca.MX.zeros(at.x.shape[0])
+        error = at.zeros(at.x.shape[0])
         if self.tableau.b_error is not None:
             error = at.h * combined(self.tableau.b_error, slopes)
-        return Step(at.x + at.h * combined(self.tableau.b, slopes), error, ca.MX(0))
+        return Step(at.x + at.h * combined(self.tableau.b, slopes), error, at.zeros(1))

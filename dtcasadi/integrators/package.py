@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..commands import FunctionPiece
 from ..errors import SimulationError
 from ..model import Model
 from ..profile import Piece

@@ -85,7 +85,7 @@ class Rosenbrock:
     def step(self, plant: Plant, at: At) -> Step:
         """All stages with one factorization."""
         x_next, error, _ = self._solved(plant, at)
-        return Step(x_next, error, ca.MX(0))
+        return Step(x_next, error, at.zeros(1))
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """Exact: the step differentiated, second derivatives of the dynamics included (slow).
@@ -100,13 +100,13 @@ class Rosenbrock:
         n_x, n_w = 2 * n + n_z, UT.shape[1]
         sigma = 1 / (at.h * self.gamma)
         # Columns: the directions [x, u, theta]; each stage is linear in them with J frozen.
-        start = ca.horzcat(ca.MX.eye(n_x), ca.MX(n_x, n_w))
+        start = ca.horzcat(at.eye(n_x), at.zeros(n_x, n_w))
         stages: list[ca.MX] = []
         for i in range(self.stages):
             moved = start + combined(self.A[i], stages) if np.any(self.A[i]) else start
             r_q = moved[n : 2 * n, :]
             pushed = -ca.mtimes(K[:, :n], moved[:n, :]) - ca.mtimes(D, moved[n:, :])
-            pushed = pushed - ca.horzcat(ca.MX(n + n_z, n_x), UT)
+            pushed = pushed - ca.horzcat(at.zeros(n + n_z, n_x), UT)
             if i:
                 coupled = combined(self.C[i], stages) / at.h
                 r_q = r_q + coupled[:n, :]
@@ -115,7 +115,7 @@ class Rosenbrock:
             stages.append(ca.vertcat((r_q + k_v[:n, :]) / sigma, k_v))
         total = start + combined(self.m, stages)
         blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
-        return Step(x_next, error, ca.MX(0)), Sensitivity(*blocks)
+        return Step(x_next, error, at.zeros(1)), Sensitivity(*blocks)
 
     def _solved(self, plant: Plant, at: At) -> tuple[ca.MX, ca.MX, tuple]:
         """x_next, the error estimate and the matrices of the step."""

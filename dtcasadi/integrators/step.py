@@ -1,4 +1,4 @@
-"""What every one-step method is given and gives back, as CasADi MX expressions."""
+"""What every one-step method is given and gives back, as CasADi expressions (SX or MX)."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -21,6 +21,7 @@ class Plant:
         force: dL/dq + Q (q, qd, pressure, theta), the right side of eq (7).
         rates: M^-1 p (q, p, theta).
         native: whether C kernels may be embedded (generated code only).
+        kind: SX for small models, whose steps are one flat graph, else MX.
     """
 
     ode: ca.Function
@@ -29,6 +30,7 @@ class Plant:
     force: ca.Function
     rates: ca.Function
     native: bool
+    kind: type
 
     @property
     def sizes(self) -> list[int]:
@@ -45,6 +47,14 @@ class At(NamedTuple):
     du: ca.MX
     h: ca.MX
     theta: ca.MX
+
+    def zeros(self, rows: int, columns: int = 1) -> ca.MX:
+        """Zeros of the symbols' kind."""
+        return type(self.x)(rows, columns)
+
+    def eye(self, n: int) -> ca.MX:
+        """The identity of the symbols' kind."""
+        return type(self.x).eye(n)
 
 
 class Step(NamedTuple):
@@ -99,7 +109,7 @@ class OneStep(Protocol):
 def combined(weights: np.ndarray, terms: list[ca.MX]) -> ca.MX:
     """Sum of weights[i] * terms[i], terms with weight zero left out."""
     kept = [w * term for w, term in zip(weights, terms, strict=False) if w != 0]
-    return sum(kept[1:], kept[0]) if kept else ca.MX.zeros(terms[0].shape)
+    return sum(kept[1:], kept[0]) if kept else type(terms[0])(*terms[0].shape)
 
 
 def butcher_stability(a: np.ndarray, b: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -119,14 +129,14 @@ def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
     M, D, K, U, T = plant.form.jacobian(q, v, z, a, zdot, at.u, at.theta)
     n, n_z = plant.form.n_q, plant.form.n_z
     by = -Factored(M, native=plant.native).solve(ca.horzcat(K[:, :n], D, U, T))
-    top = ca.horzcat(ca.MX(n, n), ca.MX.eye(n), ca.MX(n, n_z))
+    top = ca.horzcat(at.zeros(n, n), at.eye(n), at.zeros(n, n_z))
     F_x = ca.vertcat(top, by[:, : 2 * n + n_z])
-    return F_x, ca.vertcat(ca.MX(n, U.shape[1] + T.shape[1]), by[:, 2 * n + n_z :])
+    return F_x, ca.vertcat(at.zeros(n, U.shape[1] + T.shape[1]), by[:, 2 * n + n_z :])
 
 
 def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
     """Exact derivatives of any step by automatic differentiation of its graph."""
-    symbols = [ca.MX.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)]
+    symbols = [plant.kind.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)]
     value = method.step(plant, At(*symbols)).x_next
     blocks = [ca.jacobian(value, symbols[i]) for i in (0, 1, 4)]
     return Sensitivity(*ca.Function("differentiated", symbols, blocks).call(list(at)))

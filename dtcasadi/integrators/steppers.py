@@ -30,18 +30,20 @@ def plant_of(g: Graphs) -> Plant:
         force=functions.canonical_force(g),
         rates=functions.canonical_rates(g),
         native=g.native,
+        kind=ca.SX if g.inlined else ca.MX,
     )
 
 
 def symbols(plant: Plant) -> At:
     """Fresh symbols of a step's ports."""
+    sym = plant.kind.sym
     sizes = [plant.ode.size1_in(i) for i in range(3)]
     return At(
-        ca.MX.sym("x", sizes[0]),
-        ca.MX.sym("u", sizes[1]),
-        ca.MX.sym("du", sizes[1]),
-        ca.MX.sym("h"),
-        ca.MX.sym("theta", sizes[2]),
+        sym("x", sizes[0]),
+        sym("u", sizes[1]),
+        sym("du", sizes[1]),
+        sym("h"),
+        sym("theta", sizes[2]),
     )
 
 

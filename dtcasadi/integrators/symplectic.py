@@ -71,7 +71,7 @@ class Symplectic:
         q, v, _ = ca.vertsplit(at.x, plant.sizes)
         p = plant.momenta(q, v, at.theta)
         a = plant.ode(at.x, at.u, at.theta)[n:]
-        z = ca.MX(0, 1)
+        z = at.zeros(0, 1)
         M, D, K, *_ = plant.form.jacobian(q, v, z, a, z, at.u, at.theta)
         twice = self.a @ self.a
         blocks = [
@@ -101,7 +101,7 @@ class Symplectic:
         q_next = q + at.h * combined(self.b, rates)
         v_next = plant.rates(q_next, p_next, at.theta)
         slack = ca.norm_inf(change) / (1 + ca.norm_inf(V))
-        return Step(ca.vertcat(q_next, v_next), ca.MX.zeros(2 * n), slack)
+        return Step(ca.vertcat(q_next, v_next), at.zeros(2 * n), slack)
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """The iteration differentiated; always exact."""

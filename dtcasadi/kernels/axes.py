@@ -125,6 +125,35 @@ def ldl_solve(factor: tuple[list[list], list], rhs: ca.SX) -> ca.SX:
     return ca.horzcat(*columns) if columns else ca.SX(n, 0)
 
 
+def lu(matrix: ca.SX) -> tuple[list[list], list]:
+    """Unrolled LU without pivoting: (rows of L below and U from the diagonal, 1/u_ii)."""
+    n = matrix.shape[0]
+    rows: list[list] = [[matrix[i, j] for j in range(n)] for i in range(n)]
+    inverse: list = []
+    for k in range(n):
+        inverse.append(1 / rows[k][k])
+        for i in range(k + 1, n):
+            rows[i][k] = rows[i][k] * inverse[k]
+            for j in range(k + 1, n):
+                rows[i][j] = rows[i][j] - rows[i][k] * rows[k][j]
+    return rows, inverse
+
+
+def lu_solve(factor: tuple[list[list], list], rhs: ca.SX) -> ca.SX:
+    """X with (L U) X = rhs, shape (n, m)."""
+    rows, inverse = factor
+    n = len(inverse)
+    columns = []
+    for column in ca.horzsplit(rhs):
+        y: list = []
+        for i in range(n):
+            y.append(column[i] - sum(rows[i][k] * y[k] for k in range(i)))
+        for i in reversed(range(n)):
+            y[i] = (y[i] - sum(rows[i][k] * y[k] for k in range(i + 1, n))) * inverse[i]
+        columns.append(vector(*y))
+    return ca.horzcat(*columns)
+
+
 def _cycle(letter: str) -> tuple[int, int, int]:
     """The axis and the two that follow it cyclically."""
     i = AXIS[letter]
