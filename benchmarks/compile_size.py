@@ -107,7 +107,7 @@ def jacobian(folder: Path, options: argparse.Namespace) -> dict[str, Any]:
     """Size of `ode_jacobian`, and its time in calls of the dynamics."""
     model = dtc.build(chains.unit_hoops(JACOBIAN_DISCS), chart="cardan")
     theta = np.asarray(model.theta0, float)
-    sizes = profile(model.ode_jacobian, theta, folder / "jacobian", options)
+    sizes = profile(model.native("ode_jacobian"), theta, folder / "jacobian", options)
     dynamics = profile(model.forward_dynamics, theta, folder / "dynamics", options)
     calls = sizes["call_us -O3"] / dynamics["call_us -O3"]
     return {

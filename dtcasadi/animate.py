@@ -14,9 +14,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from tqdm import tqdm
 
-from .artists import legend_handles, set_stage
+from .artists import SIGNS_HEIGHT, add_signs, legend_handles, set_stage, signs_width
 from .motion import Motion
 from .result import Run
 from .style import PictureError, checked_suffix, new_figure, styled
@@ -24,6 +25,7 @@ from .style import PictureError, checked_suffix, new_figure, styled
 SUFFIXES = (".gif", ".mp4")
 # Moving pictures are looked at closely by nobody, and each frame costs time.
 _WIDTH_IN, _DPI = 5.2, 100
+_FASTER = " ({:.3g} times as fast)"
 _PATIENCE_S = 1.0
 
 
@@ -105,19 +107,26 @@ def _writer(suffix: str, fps: int) -> AbstractMovieWriter:
 
 
 def _stage(motion: Motion) -> tuple[Figure, Axes]:
-    """A figure with one panel and everything that does not move."""
-    handles = legend_handles(motion.run.model.robot)
-    columns = min(len(handles), 6)
-    top = 0.5 + 0.2 * math.ceil(len(handles) / columns)
-    left, right, bottom = (0.72, 0.15, 0.5) if motion.view.labels else (0.1, 0.1, 0.1)
+    """A figure with one panel and everything that does not move.
+
+    Above the panel are the signs of gravity and scale, the frame's caption beside them and the
+    legend over both.
+    """
+    robot, view = motion.run.model.robot, motion.view
+    handles = legend_handles(robot)
+    columns = len(handles) if len(handles) <= 6 else 4
+    legend = 0.08 + 0.18 * math.ceil(len(handles) / columns)
+    left, right, bottom = (0.72, 0.15, 0.5) if view.labels else (0.1, 0.1, 0.1)
     width = _WIDTH_IN - left - right
     height = min(max(width * motion.box.size[1] / motion.box.size[0], 1.5), 5.0)
-    total = height + bottom + top
+    # An even number of pixels, which video encoders ask for.
+    total = math.ceil((height + bottom + SIGNS_HEIGHT + legend) * _DPI / 2) * 2 / _DPI
     figure = new_figure(_WIDTH_IN, total)
     axes = figure.add_axes((left / _WIDTH_IN, bottom / total, width / _WIDTH_IN, height / total))
-    set_stage(axes, motion.view, motion.box)
-    # Every fifth frame tells well enough where there is room.
-    motion.add_signs(axes, range(0, len(motion.times), 5))
+    set_stage(axes, view, motion.box)
+    axes.apply_aspect()
+    scale = axes.get_window_extent().width / figure.dpi / motion.box.size[0]
+    add_signs(figure, robot, view, (0.03, bottom + height), scale)
     figure.legend(
         handles.values(),
         handles,
@@ -163,6 +172,16 @@ def _over(stage: tuple[Figure, Axes]) -> tuple[Figure, Axes]:
     return figure, over
 
 
+def _caption_on(figure: Figure, axes: Axes, motion: Motion) -> Text:
+    """An empty text above the axes, beside the signs.
+
+    A title of the axes would be laid out anew in every frame.
+    """
+    above = axes.get_position().y1 + SIGNS_HEIGHT / 2 / figure.get_size_inches()[1]
+    beside = (signs_width(motion.view) / _WIDTH_IN + 1) / 2
+    return figure.text(beside, above, "", ha="center", va="center")
+
+
 def _film(
     writer: AbstractMovieWriter,
     figure: Figure,
@@ -173,10 +192,8 @@ def _film(
 ) -> None:
     """Draw and write every frame."""
     artists = motion.artists_on(axes)
-    place = axes.get_position()
-    # An axes title would be laid out anew in every frame.
-    title = figure.text((place.x0 + place.x1) / 2, place.y1 + 0.01, "", ha="center", va="bottom")
-    faster = "" if speed == 1 else f" ({speed:.3g} times as fast)"
+    title = _caption_on(figure, axes, motion)
+    faster = "" if speed == 1 else _FASTER.format(speed)
     numbers = tqdm(
         range(len(motion.times)),
         desc="frames",
@@ -191,6 +208,8 @@ def _film(
                 artists.show(*motion.frame(k))
                 title.set_text(motion.caption(k) + faster)
                 writer.grab_frame()
+        except BrokenPipeError:
+            pass  # ffmpeg has ended; `finish` knows why
         except BaseException:
             with suppress(Exception):
                 writer.finish()  # ends ffmpeg

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.path import Path
@@ -14,45 +15,32 @@ from .drawing import Shapes, View
 from .robot import Robot
 from .style import BLACK, BLUE, CHAMBERS, GREY, PURPLE, VERMILION, faded
 
+SIGNS_HEIGHT = 0.56  # [in]
+
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Limits of a picture on the page [m]; the footer is a strip at its bottom left free."""
+    """Limits of a picture on the page [m]."""
 
     left: float
     right: float
     bottom: float
     top: float
-    footer: float = 0.0
 
     @classmethod
-    def around(cls, points: np.ndarray, footer: bool = False) -> "Box":
+    def around(cls, points: np.ndarray) -> "Box":
         """The points with a margin, neither side shorter than a third of the other."""
         low, high = points.min(axis=0), points.max(axis=0)
         size = high - low
         size = np.maximum(1.12 * size, 0.33 * size.max() or 1.0)
         middle = (low + high) / 2
         low, high = middle - size / 2, middle + size / 2
-        strip = 0.12 * min(size) if footer else 0.0
-        return cls(low[0], high[0], low[1] - strip, high[1], strip)
+        return cls(low[0], high[0], low[1], high[1])
 
     @property
     def size(self) -> np.ndarray:
         """Width and height [m]."""
         return np.array([self.right - self.left, self.top - self.bottom])
-
-    def free_corners(self, points: np.ndarray) -> np.ndarray:
-        """Places near the four corners, the one farthest from all points first, shape (4, 2)."""
-        inset = 0.14 * min(self.size)
-        places = np.array(
-            [
-                (x, y)
-                for x in (self.right - inset, self.left + inset)
-                for y in (self.top - 1.3 * inset, self.bottom + self.footer + 1.3 * inset)
-            ]
-        )
-        gaps = np.linalg.norm(places[:, np.newaxis] - points[np.newaxis], axis=2).min(axis=1)
-        return places[np.argsort(-gaps, kind="stable")]
 
 
 class RobotArtists:
@@ -156,67 +144,71 @@ def set_stage(axes: Axes, view: View, box: Box, *, left: bool = True, bottom: bo
         axes.set_ylabel(view.labels[1])
 
 
-def add_gravity(axes: Axes, robot: Robot, view: View, box: Box, place: np.ndarray) -> None:
-    """An arrow along gravity at a place on the page; across the page, words instead."""
-    if robot.gravity == 0:
-        return
+def signs_width(view: View) -> float:
+    """How wide `add_signs` is [in]; it is `SIGNS_HEIGHT` high."""
+    return 0.6 if view.labels else 1.75
+
+
+def add_signs(
+    figure: Figure, robot: Robot, view: View, corner: tuple[float, float], scale: float
+) -> None:
+    """An arrow along gravity; in an oblique view also the root's x, y, z and a length.
+
+    Args:
+        figure: where to draw.
+        robot: the robot.
+        view: the view of the picture.
+        corner: left and lower edge on the figure [in].
+        scale: inches on the page for a metre.
+    """
+    size = np.array([signs_width(view), SIGNS_HEIGHT])
+    place = np.concatenate([corner, size]) / np.tile(figure.get_size_inches(), 2)
+    axes = figure.add_axes(tuple(place), label="signs")
+    axes.set_axis_off()
+    axes.set_xlim(0.0, size[0])
+    axes.set_ylim(0.0, size[1])
+    if robot.gravity > 0:
+        _gravity(axes, robot, view, np.array([0.33, size[1] / 2]))
+    if view.labels is None:
+        _directions(axes, view, np.array([0.85, size[1] / 2]))
+        _length(axes, scale, np.array([1.2, 0.15]))
+
+
+def _gravity(axes: Axes, robot: Robot, view: View, middle: np.ndarray) -> None:
     down = view.project(-robot.up)
     if np.linalg.norm(down) < 0.1:
         way = "into" if robot.up @ view.toward > 0 else "out of"
-        axes.text(
-            place[0],
-            place[1],
-            f"g {way}\nthe page",
-            color=BLACK,
-            ha="center",
-            va="center",
-            zorder=5,
-        )
+        text = f"g {way}\nthe page"
+        axes.text(middle[0], middle[1], text, color=BLACK, fontsize=8, ha="center", va="center")
         return
     down = down / np.linalg.norm(down)
-    reach = 0.08 * min(box.size) * down
-    arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2}
     axes.annotate(
-        "", xy=_pair(place + reach), xytext=_pair(place - reach), arrowprops=arrow, zorder=5
+        "",
+        xy=_pair(middle + 0.19 * down),
+        xytext=_pair(middle - 0.19 * down),
+        arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2},
     )
-    axes.annotate(
-        "g",
-        xy=_pair(place),
-        xytext=_pair(9.0 * np.array([-abs(down[1]), abs(down[0])])),
-        textcoords="offset points",
-        color=BLACK,
-        style="italic",
-        ha="center",
-        va="center",
-        zorder=5,
-    )
+    x, y = middle + 0.12 * np.array([-abs(down[1]), abs(down[0])])
+    axes.text(x, y, "g", color=BLACK, style="italic", ha="center", va="center")
+
+
+def _directions(axes: Axes, view: View, middle: np.ndarray) -> None:
+    for letter, direction in zip("xyz", view.project(np.eye(3)), strict=True):
+        axes.plot(*np.array([middle, middle + 0.17 * direction]).T, color=GREY, linewidth=1.0)
+        if np.linalg.norm(direction) > 0.15:
+            x, y = middle + 0.24 * direction
+            axes.text(x, y, letter, color=GREY, ha="center", va="center", fontsize=8)
+
+
+def _length(axes: Axes, scale: float, start: np.ndarray) -> None:
+    """The longest round length that fits, with its name above."""
+    power = 10.0 ** np.floor(np.log10(0.5 / scale))
+    length = max(m * power for m in (1, 2, 5) if m * power * scale <= 0.5 * (1 + 1e-9))
+    ends = [start[0], start[0] + length * scale]
+    axes.plot(ends, [start[1]] * 2, color=GREY, linewidth=2.0)
+    middle = sum(ends) / 2
+    axes.text(middle, start[1] + 0.05, f"{length:g} m", color=GREY, ha="center", fontsize=8)
 
 
 def _pair(point: np.ndarray) -> tuple[float, float]:
     return float(point[0]), float(point[1])
-
-
-def add_directions(axes: Axes, view: View, box: Box, place: np.ndarray) -> None:
-    """The root's x, y and z at a place on the page."""
-    size = min(box.size)
-    for letter, direction in zip("xyz", view.project(np.eye(3)), strict=True):
-        ends = np.array([place, place + 0.1 * size * direction])
-        axes.plot(*ends.T, color=GREY, linewidth=1.0, zorder=0.5)
-        if np.linalg.norm(direction) > 0.15:
-            label = place + 0.14 * size * direction
-            axes.text(label[0], label[1], letter, color=GREY, ha="center", va="center", fontsize=8)
-
-
-def add_scale(axes: Axes, box: Box) -> None:
-    """A length to compare with in the footer."""
-    length = _round_length(0.3 * min(box.size))
-    x, y = box.left + 0.04 * box.size[0], box.bottom + 0.25 * box.footer
-    axes.plot([x, x + length], [y, y], color=GREY, linewidth=2.0, zorder=0.5)
-    label = (x + length + 0.02 * box.size[0], y)
-    axes.text(*label, f"{length:g} m", color=GREY, va="center", fontsize=8)
-
-
-def _round_length(length: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not longer."""
-    power = 10.0 ** np.floor(np.log10(length))
-    return float(max(m for m in (1, 2, 5) if m * power <= length * (1 + 1e-9)) * power)

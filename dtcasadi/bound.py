@@ -2,6 +2,7 @@
 
 from collections import namedtuple
 from collections.abc import Collection, Sequence
+from functools import cache
 from typing import Any, final
 
 import casadi as ca
@@ -80,8 +81,8 @@ class Bound:
             if port not in (*names_in, *names_out):
                 known = ", ".join((*names_in, *names_out))
                 raise ModelError(f"{self.name}: matrices: expected ports of {known}, got {port!r}")
-        shapes_in = [function.size_in(port) for port in names_in]
-        shapes_out = [function.size_out(port) for port in names_out]
+        shapes_in = [function.size_in(i) for i in range(len(names_in))]
+        shapes_out = [function.size_out(i) for i in range(len(names_out))]
         flat_in = [np.zeros(rows * columns) for rows, columns in shapes_in]
         flat_out = [np.zeros(rows * columns) for rows, columns in shapes_out]
         self._buffer, self.run = self.function.buffer()
@@ -160,10 +161,10 @@ def _views(
     ]
 
 
+@cache
+def _port_type(title: str, names: tuple[str, ...]) -> Any:
+    return namedtuple(title, names, rename=True)  # type: ignore[misc]
+
+
 def _ports(title: str, names: Sequence[str], views: Sequence[np.ndarray]) -> Any:
-    # Port names are known at run time only, and may be Python keywords: those become _0, _1, ...
-    kind: Any = namedtuple(title, names, rename=True)  # type: ignore[misc]
-    return kind._make(views)
-
-
-__all__ = ["Bound", "densified"]
+    return _port_type(title, tuple(names))(*views)

@@ -27,10 +27,14 @@ class FunctionPiece:
         Raises:
             SimulationError: the function gave another shape, or a value that is not finite.
         """
-        value = np.atleast_1d(np.asarray(self.function(t), dtype=float))
+        given = self.function(t)
+        try:
+            value = np.atleast_1d(np.asarray(given, dtype=float))
+        except (TypeError, ValueError):  # text, a dictionary, rows of different lengths
+            value = np.array([np.nan])
         if value.shape != (self.n_u,) or not np.all(np.isfinite(value)):
-            shown = checks.shown(value)
-            raise _error(f"pressure({t:g})", f"{self.n_u} finite numbers", shown)
+            expected = f"{self.n_u} finite numbers"
+            raise _error(f"pressure({t:g})", expected, checks.shown(given))
         return value
 
 

@@ -86,7 +86,9 @@ def native_function(
         body = re.sub(rf"\b{symbol}\b", str(value), body)
     shapes = [[ca.Sparsity.dense(*sizes[port]) for port in ports] for ports in (inputs, outputs)]
     label = "_".join([name, *map(str, constants.values())])
-    return ca.Function.jit(label, body, list(inputs), list(outputs), *shapes)
+    # Without jit=False, CasADi would compile the body at once, in the current folder.
+    options = {"jit": False}
+    return ca.Function.jit(label, body, list(inputs), list(outputs), *shapes, options)
 
 
 @cache

@@ -1,5 +1,6 @@
 """A run prepared for drawing: its frames on one page, with one scale for all."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -7,7 +8,7 @@ from typing import Self
 import numpy as np
 from matplotlib.axes import Axes
 
-from .artists import Box, RobotArtists, add_directions, add_gravity, add_scale
+from .artists import Box, RobotArtists
 from .drawing import Shapes, View, poses_at, shapes_of, view_of
 from .result import Run
 from .style import PictureError, pressure_unit
@@ -66,7 +67,7 @@ class Motion:
             shapes=shapes,
             pressure=pressure[:, last],
             full_pressure=float(np.abs(pressure).max(initial=0.0)),
-            box=Box.around(points, footer=seen.labels is None),
+            box=Box.around(points),
             path=page,
             path_times=path_times,
         )
@@ -82,27 +83,22 @@ class Motion:
         return self.shapes[k], self.pressure[:, k], path
 
     def caption(self, k: int) -> str:
-        """Time and pressures, in words short enough for a title."""
+        """Time and pressures, in words short enough for a title; several take a second line."""
         time = f"t = {_rounded(self.times[k])} s"
-        n_u = len(self.pressure)
-        if not n_u:
+        pressure = self.pressure[:, k]
+        if not len(pressure):
             return time
         factor, unit = pressure_unit(self.full_pressure)
-        values = [_rounded(factor * value) for value in self.pressure[:, k]]
-        if n_u > 3:
-            low, high = factor * self.pressure[:, k].min(), factor * self.pressure[:, k].max()
-            values = [f"{_rounded(low)} to {_rounded(high)}"]
-        return f"{time}, {' | '.join(values)} {unit}"
-
-    def add_signs(self, axes: Axes, frames: Sequence[int]) -> None:
-        """Gravity, and in an oblique view directions and scale, clear of the robot in frames."""
-        robot, view, box = self.run.model.robot, self.view, self.box
-        points = np.concatenate([self.shapes[k].points for k in frames])
-        corners = box.free_corners(points)
-        add_gravity(axes, robot, view, box, corners[0])
-        if view.labels is None:
-            add_directions(axes, view, box, corners[1])
-            add_scale(axes, box)
+        if len(pressure) == 1:
+            return f"{time}, {_rounded(factor * pressure[0])} {unit}"
+        # All to the last digit that three digits of the largest one have.
+        largest = factor * self.full_pressure
+        digits = max(0, 2 - math.floor(math.log10(largest))) if largest > 0 else 0
+        words = [f"{factor * value:.{digits}f}" for value in pressure]
+        if len(words) > 3:
+            low, high = factor * pressure.min(), factor * pressure.max()
+            words = [f"{low:.{digits}f} to {high:.{digits}f}"]
+        return f"{time}\n{' | '.join(words)} {unit}"
 
 
 def checked_times(run: Run, times: Sequence[float]) -> np.ndarray:
@@ -142,12 +138,14 @@ def telling_times(run: Run, n: int = _FRAMES) -> np.ndarray:
 def _turns(height: np.ndarray) -> np.ndarray:
     """Indices of the highest and lowest points that stand out by 3 % of the range."""
     least = 0.03 * np.ptp(height)
-    found, extreme, way = [], 0, 0.0
+    found: list[int] = []
+    extreme, way = 0, 0.0
     for k in range(1, len(height)):
         rise = height[k] - height[extreme]
-        if way == 0.0 and abs(rise) > least:
-            way = np.sign(rise)
-        if rise * way >= 0:
+        if way == 0.0:  # not yet clear which way it goes
+            if abs(rise) > least:
+                extreme, way = k, np.sign(rise)
+        elif rise * way >= 0:
             extreme = k
         elif abs(rise) > least:
             found.append(extreme)

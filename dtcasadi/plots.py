@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .artists import Box, legend_handles, set_stage
+from .artists import SIGNS_HEIGHT, add_signs, legend_handles, set_stage, signs_width
 from .motion import Motion, checked_times, telling_times
 from .result import Run
 from .style import (
@@ -58,26 +58,27 @@ def filmstrip(
     """
     moments = telling_times(run) if times is None else checked_times(run, times)
     motion = Motion.of(run, moments, view)
-    figure, panels, columns = _grid(motion.box, len(moments), motion.view.labels is not None)
+    figure, panels, columns = _grid(motion)
     for k, axes in enumerate(panels):
         below = k + columns < len(panels)
         set_stage(axes, motion.view, motion.box, left=k % columns == 0, bottom=not below)
         motion.artists_on(axes).show(*motion.frame(k))
         axes.set_title(motion.caption(k), pad=4)
-        if k == 0:
-            motion.add_signs(axes, [0])
-    handles = legend_handles(run.model.robot)
-    figure.legend(
-        handles.values(), handles, loc="upper center", ncols=len(handles), borderaxespad=0.2
-    )
     return finished(figure, path)
 
 
-def _grid(box: Box, n: int, labelled: bool) -> tuple[Figure, list[Axes], int]:
-    """A figure with n equal panels of the box's shape, by rows, and how many fit in a row."""
-    left, bottom = (0.72, 0.5) if labelled else (0.1, 0.1)
-    right, top, gap, title = 0.1, 0.35, 0.12, 0.26  # [in]
-    aspect = box.size[0] / box.size[1]
+def _grid(motion: Motion) -> tuple[Figure, list[Axes], int]:
+    """A figure with an equal panel for each frame, by rows, and how many fit in a row.
+
+    Above the panels are the signs of gravity and scale, and the legend to the right of them.
+    """
+    n, (box_width, box_height) = len(motion.times), motion.box.size
+    left, bottom = (0.72, 0.5) if motion.view.labels else (0.1, 0.1)
+    title = 0.16 + 0.14 * max(len(motion.caption(k).splitlines()) for k in range(n))
+    # Beside labelled axes there is room for the signs; else they stand above the first panel.
+    top = SIGNS_HEIGHT + 0.05 - (title if motion.view.labels else 0.0)
+    top = max(top, 0.35)
+    right, gap, aspect = 0.1, 0.12, box_width / box_height  # [in]
 
     def heights(columns: int) -> tuple[float, float]:
         width = (WIDTH_IN - left - right - (columns - 1) * gap) / columns
@@ -98,6 +99,18 @@ def _grid(box: Box, n: int, labelled: bool) -> tuple[Figure, list[Axes], int]:
         y = total - top - (row + 1) * (height + title) - row * gap
         rectangle = (x / WIDTH_IN, y / total, width / WIDTH_IN, height / total)
         panels.append(figure.add_axes(rectangle))
+    robot, signs = motion.run.model.robot, signs_width(motion.view)
+    add_signs(figure, robot, motion.view, (0.03, total - SIGNS_HEIGHT - 0.03), width / box_width)
+    handles = legend_handles(robot)
+    figure.legend(
+        handles.values(),
+        handles,
+        loc="center",
+        bbox_to_anchor=((signs + WIDTH_IN) / 2 / WIDTH_IN, 1 - top / 2 / total),
+        ncols=len(handles) if motion.view.labels or len(handles) <= 6 else 4,
+        columnspacing=1.2,
+        handlelength=1.7,
+    )
     return figure, panels, columns
 
 

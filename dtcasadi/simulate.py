@@ -78,8 +78,8 @@ def simulate(
         default if value is None else value
         for value, default in zip((rtol, atol, t_end), defaults, strict=True)
     )
-    name = method or (scene.method if scene else "auto")
-    if name not in METHODS:
+    name = method if method is not None else scene.method if scene else "auto"
+    if not isinstance(name, str) or name not in METHODS:
         raise _error("method", f"one of {', '.join(METHODS)}", repr(name))
     step_s = scene.step_s if step_s is None and scene else step_s
     t_end = checks.number("t_end", t_end, positive=True, error=_error)

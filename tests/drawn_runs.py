@@ -1,20 +1,29 @@
 """Runs made up for the tests of pictures: any motion, nothing compiled or integrated."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 import dtcasadi as dtc
 from dtcasadi import presets
+from dtcasadi.recentring import recentre
 
 HEXAGON = [
     (0.05 * np.sin(angle), 0.05 * (1 - np.cos(angle))) for angle in np.radians(range(0, 360, 60))
 ]
 
 
+def robot_of(**fields: Any) -> dtc.Robot:
+    """A robot from fields in any form that it accepts."""
+    return dtc.Robot(**fields)
+
+
 def made_up(model: dtc.Model, t: np.ndarray, q: np.ndarray, qd: np.ndarray, **fields) -> dtc.Run:
     """A run with the given coordinates, shape (n_q, n); what else it needs is plausible."""
     n = len(t)
     actuator = np.zeros((model.n_x - 2 * model.n_q, n))
-    values = {
+    values: dict[str, Any] = {
         "model": model,
         "t": t,
         "x": np.vstack([q, qd, actuator]),
@@ -58,7 +67,7 @@ def seed() -> dtc.Run:
 def three_chambers() -> dtc.Run:
     """Six hexagons in space with three chambers side by side behind regulators."""
     disc = dtc.Disc.polygon(0.05, HEXAGON)
-    robot = dtc.Robot(
+    robot = robot_of(
         discs=[disc] * 6,
         threads=[dtc.Thread(0.04)] * 5,
         springs=[
@@ -67,7 +76,7 @@ def three_chambers() -> dtc.Run:
             for a, b in ((1.6, 1.6), (3.1, 3.1), (1.6, 3.1))
         ],
         chambers=[
-            dtc.Chamber((1, 6), areas=[0.0015] * 6, centroids=[centre] * 6)
+            dtc.Chamber((1, 6), np.full(6, 0.0015), np.array([centre] * 6))
             for centre in ((0.02, 0.03, 0), (-0.02, 0.03, 0), (0, 0.07, 0))
         ],
         up=(0, -1, 0),
@@ -82,38 +91,35 @@ def three_chambers() -> dtc.Run:
 def hanging_chain() -> dtc.Run:
     """Sixteen discs without outline, springs or chambers, hanging along gravity."""
     disc = dtc.Disc(1.0, np.eye(3) * 1e-3)
-    robot = dtc.Robot([disc] * 16, [dtc.Thread(0.1)] * 15, up=(0, 0, -1))
+    robot = robot_of(discs=[disc] * 16, threads=[dtc.Thread(0.1)] * 15, up=(0, 0, -1))
     return swinging(dtc.build(robot, chart="hinge"), 0.05)
 
 
 def weightless_column() -> dtc.Run:
     """Two discs, one of them a solid, without gravity, standing still."""
     discs = [dtc.Disc.hoop(1.0, 0.1), dtc.Disc.solid(1.0, 0.05)]
-    robot = dtc.Robot(
-        discs, [dtc.Thread(0.2)], chambers=[dtc.Chamber((1, 2))], up=(1, 0, 0), gravity=0.0
+    robot = robot_of(
+        discs=discs,
+        threads=[dtc.Thread(0.2)],
+        chambers=[dtc.Chamber((1, 2))],
+        up=(1, 0, 0),
+        gravity=0.0,
     )
     model = dtc.build(robot)
     return swinging(model, 0.0, u=np.full((1, 121), -3.0))
 
 
 def recentred() -> dtc.Run:
-    """The paper's robot in space, its second segment re-centred half way."""
+    """The paper's robot in space, its second segment re-centred half way, in smooth motion."""
     model = dtc.build(presets.seed_four_disc())
     run = swinging(model, 0.2)
-    half = 60
-    segment = slice(5, 10)
-    run.x[segment, half:] -= run.x[segment, half, np.newaxis]
-    before = dtc.build(presets.seed_four_disc())
-    x = before.recentre(_pushed(run.x[:, half]), run.thetas[:, half])
-    run.thetas[:, half:] = x[1][:, np.newaxis]
-    return dtc.Run(**{**vars(run), "recentrings": ((float(run.t[half]), (2,)),)})
-
-
-def _pushed(x: np.ndarray) -> np.ndarray:
-    """A state whose second segment has left the limit."""
-    pushed = x.copy()
-    pushed[6] = 0.9
-    return pushed
+    k, moment, n_q = 60, run.t[60], model.n_q
+    x, theta, _ = recentre(model, run.x[:, k], model.theta0, segments=[1])
+    since, rate = 2 * (run.t[k:] - moment), x[n_q + 5 : n_q + 10, np.newaxis]
+    run.x[5:10, k:] = rate * np.sin(since) / 2
+    run.x[n_q + 5 : n_q + 10, k:] = rate * np.cos(since)
+    run.thetas[:, k:] = theta[:, np.newaxis]
+    return replace(run, recentrings=((float(moment), (2,)),))
 
 
 ALL = (seed, three_chambers, hanging_chain, weightless_column, recentred)

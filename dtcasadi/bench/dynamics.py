@@ -86,7 +86,7 @@ def seed_robot(n_discs: int) -> "Robot":
     from dataclasses import replace
 
     from ..presets import seed_four_disc
-    from ..robot import Chamber
+    from ..robot import Chamber, Damping
 
     seed = seed_four_disc()
     pairs = range(1, n_discs)
@@ -96,7 +96,7 @@ def seed_robot(n_discs: int) -> "Robot":
         threads=seed.threads[:1] * (n_discs - 1),
         springs=tuple(replace(s, discs=(i, i + 1)) for i in pairs for s in seed.springs[:3]),
         chambers=(Chamber((1, n_discs)),),
-        damping=seed.damping[0],
+        damping=Damping(c_a=100.0, c_b=100.0, c_w=100.0),
     )
 
 

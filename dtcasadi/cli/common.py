@@ -183,7 +183,7 @@ def guarded(run: Callable[..., int | None], options: Any, report: Report) -> int
     from ..errors import DtcasadiError
 
     with warnings.catch_warnings():
-        warnings.showwarning = _one_line  # type: ignore[assignment]
+        warnings.showwarning = _one_line
         try:
             report.check()
             code = run(options, report) or 0
@@ -193,6 +193,7 @@ def guarded(run: Callable[..., int | None], options: Any, report: Report) -> int
         except BrokenPipeError:
             # Whoever read the output has gone, as `head` does; nobody is left to tell.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return FAILED
         except OSError as error:
             _complain(_reason(error))
         except KeyboardInterrupt:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 SCENE = "seed_four_disc"
 FOLDER = "dtcasadi_demo"
 # Ten seconds in four, in a picture small enough for a web page.
-_GIF = {"fps": 10, "speed": 2.5}
+_FPS, _SPEED = 10, 2.5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     with phase(report, "animation", "draw animation       {seconds:8.3f} s"):
         from ..animate import animate
 
-        report.wrote(animate(result, folder / "animation.gif", **_GIF))
+        report.wrote(animate(result, folder / "animation.gif", _FPS, speed=_SPEED))
     what_happened(result, report)
     health(result, report)
     report.list_files()

@@ -152,5 +152,5 @@ def _plugins(report: Report, advice: list[str]) -> None:
         report.line(f"{kind}: {{{kind}}}", **{kind: ", ".join(loaded) or "none"})
     report.note(missing=sorted(set(missing)))
     if missing:
-        names = ", ".join(sorted(set(missing)))
-        advice.append(f"a newer casadi brings {names}; only optimal control would use them")
+        absent = ", ".join(sorted(set(missing)))
+        advice.append(f"a newer casadi brings {absent}; only optimal control would use them")

@@ -1,9 +1,11 @@
 """Simulating a scene and saying how it went: what `demo` and `simulate` share."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import SimulationError
 from .common import Report, phase
 
 if TYPE_CHECKING:
@@ -21,14 +23,18 @@ def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings:
         scene: the scene.
         report: where to say so.
         build: options that replace the scene's.
-        settings: of `dtcasadi.simulate`; None: the scene's.
+        settings: fields of the scene to replace, such as t_end; None leaves them.
+
+    Raises:
+        DtcasadiError: a setting cannot be used; before anything is compiled.
     """
     from ..integrators import METHODS
     from ..simulate import simulate
 
-    given = {"method": scene.method, "t_end": scene.t_end, "step_s": scene.step_s}
-    given |= {"rtol": scene.rtol, "atol": scene.atol}
-    given |= {key: value for key, value in settings.items() if value is not None}
+    scene = replace(scene, **{key: value for key, value in settings.items() if value is not None})
+    if scene.method not in METHODS:
+        expected = f"one of {', '.join(METHODS)}"
+        raise SimulationError(f"method: expected {expected}, got {scene.method!r}")
     start = time.perf_counter()
     model = scene.build(**build)
     x0 = scene.x0(model)
@@ -37,10 +43,18 @@ def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings:
     report.section("phases", "wall time")
     report.line("build the model      {build:8.3f} s", build=built)
     with phase(report, "compile", "compile, or find it  {seconds:8.3f} s"):
-        # A method unknown here is refused by `simulate`.
-        METHODS.get(given["method"], METHODS["auto"]).prepare(model)
+        METHODS[scene.method].prepare(model)
     start = time.perf_counter()
-    run = simulate(model, x0, pressure=scene.pressure, **given)
+    run = simulate(
+        model,
+        x0,
+        pressure=scene.pressure,
+        t_end=scene.t_end,
+        method=scene.method,
+        rtol=scene.rtol,
+        atol=scene.atol,
+        step_s=scene.step_s,
+    )
     checks = time.perf_counter() - start - run.wall_time
     report.line("integrate            {integrate:8.3f} s", integrate=run.wall_time)
     report.line("energy, conditioning {checks:8.3f} s", checks=checks)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bound import Bound
 from ..commands import FunctionPiece
 from ..model import Model
 from .package import Advance, Package, affine
@@ -14,11 +15,15 @@ from .scipy_methods import Scipy
 from .steppers import ONE_STEP
 
 EXPLICIT, IMPLICIT = Package(ONE_STEP["tsit5"]), Package(RODAS4)
-# One step of rodas4 costs about as much as four of tsit5 (benchmarks/results/integrators.md).
-COST_RATIO = 4.0
 # Real stability interval of tsit5, |R(z)| <= 1 for z in (-3.0, 0).
 EXPLICIT_REACH = 3.0
-FIRST_LOOK, NEXT_LOOK = 12, 400
+# Steps of a look at what accuracy allows, and the longest stretch without looking.
+LOOK, LONGEST = 12, 1600
+
+
+def cost_ratio(n_q: int) -> float:
+    """Cost of a step of rodas4 in steps of tsit5: 1.4 with 6 coordinates, 3 with 15."""
+    return 1 + n_q / 8
 
 
 @dataclass(frozen=True)
@@ -43,23 +48,26 @@ class Auto:
         if any(isinstance(piece, FunctionPiece) for piece in problem.pieces):
             return Scipy("LSODA").integrate(problem)
         recorder = Recorder(problem)
+        jacobian = problem.model.compiled("ode_jacobian")
         run = Advance(problem, recorder)
         uses: list[tuple[float, str, str]] = []
-        method, most, failure = IMPLICIT, FIRST_LOOK, ""
-        why = "a first look at the step that accuracy allows"
+        method, why, failure = IMPLICIT, "a first look at the step that accuracy allows", ""
+        # Stretches grow while a method stays the choice; a short look follows a change.
+        most = stretch = LOOK
         for piece in affine(self.name, problem):
             while run.t < piece.t_end and not failure:
                 if not uses or uses[-1][1] != method.name:
                     uses.append((run.t, method.name, why))
-                start, before = run.t, recorder.accepted
                 failure = run.over(method, piece, piece.t_end, most)
                 if failure and method is EXPLICIT:
-                    failure, method, most = "", IMPLICIT, NEXT_LOOK
-                    why = "tsit5 failed"
+                    failure, method, why, most = "", IMPLICIT, "tsit5 failed", LOOK
                     continue
-                mean = (run.t - start) / max(1, recorder.accepted - before)
-                method, why = self._choice(problem, run, method, piece(run.t), mean)
-                most = NEXT_LOOK
+                before = method
+                method, why = self._choice(jacobian, run, method, piece(run.t))
+                if method is EXPLICIT:
+                    most = stretch = min(2 * stretch, LONGEST)
+                else:
+                    most = LOOK if before is EXPLICIT else min(2 * most, LONGEST)
             if failure:
                 break
         note = "; ".join(f"{name} from t = {t:.3g} s ({why})" for t, name, why in uses[-4:])
@@ -68,33 +76,33 @@ class Auto:
 
     @staticmethod
     def _choice(
-        problem: Problem, run: Advance, method: Package, u: np.ndarray, mean: float
+        jacobian: Bound, run: Advance, method: Package, u: np.ndarray
     ) -> tuple[Package, str]:
         """The method for the next steps, and why."""
-        fastest = _fastest_rate(problem, run, u)
+        step = run.h or 0.0
+        fastest = _fastest_rate(jacobian, run, u)
         allowed = EXPLICIT_REACH / max(fastest, 1e-300)
         if method is IMPLICIT:
-            stiff = mean > COST_RATIO * allowed
-            text = f"accuracy allows steps of {mean:.2g} s, explicit stability {allowed:.2g} s"
+            stiff = step > cost_ratio(len(run.x) // 2) * allowed
+            text = f"accuracy allows steps of {step:.2g} s, explicit stability {allowed:.2g} s"
             return (IMPLICIT if stiff else EXPLICIT), text
         # An explicit step close to its stability limit hides what accuracy would allow: look again.
-        if mean > 0.5 * allowed:
-            return IMPLICIT, f"explicit steps of {mean:.2g} s are at the stability limit"
+        if step > 0.5 * allowed:
+            return IMPLICIT, f"explicit steps of {step:.2g} s are at the stability limit"
         return EXPLICIT, ""
 
 
-def _fastest_rate(problem: Problem, run: Advance, u: np.ndarray) -> float:
+def _fastest_rate(jacobian: Bound, run: Advance, u: np.ndarray) -> float:
     """Spectral radius of F_x by power iteration [1/s]."""
-    jacobian = problem.model.compiled("ode_jacobian")
     jacobian.inputs.x[:], jacobian.inputs.u[:] = run.x, u
     jacobian.inputs.theta[:] = run.theta
     jacobian.run()
-    F_x = jacobian.outputs.F_x
+    F_x, size = jacobian.outputs.F_x, 0.0
     vector = np.ones(len(run.x))
     for _ in range(8):
-        vector = F_x @ vector
+        vector = np.einsum("ij,j->i", F_x, vector)  # too small for BLAS and its threads
         size = float(np.max(np.abs(vector)))
         if not np.isfinite(size) or size == 0:
             return 0.0
         vector = vector / size
-    return float(np.linalg.norm(F_x @ vector) / np.linalg.norm(vector))
+    return size

@@ -136,7 +136,12 @@ def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
 
 def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
     """Exact derivatives of any step by automatic differentiation of its graph."""
-    symbols = [plant.kind.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)]
-    value = method.step(plant, At(*symbols)).x_next
-    blocks = [ca.jacobian(value, symbols[i]) for i in (0, 1, 4)]
-    return Sensitivity(*ca.Function("differentiated", symbols, blocks).call(list(at)))
+    x, u, du, h, theta = (
+        plant.kind.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)
+    )
+    n_frames = theta.shape[0] - plant.form.jacobian.size2_out(4)  # the columns of T
+    free = plant.kind.sym("free", theta.shape[0] - n_frames)
+    value = method.step(plant, At(x, u, du, h, ca.vertcat(theta[:n_frames], free))).x_next
+    blocks = [ca.jacobian(value, by) for by in (x, u, free)]
+    function = ca.Function("differentiated", [x, u, du, h, theta, free], blocks)
+    return Sensitivity(*function.call([*at, at.theta[n_frames:]]))

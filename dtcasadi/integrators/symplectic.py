@@ -43,9 +43,16 @@ class Symplectic:
     error_order: int = 0
 
     def __post_init__(self) -> None:
-        """Symplecticity: b_i a_ij + b_j a_ji = b_i b_j (Hairer, Lubich, Wanner, eq (VI.4.2))."""
+        """Symplecticity, b_i a_ij + b_j a_ji = b_i b_j, and quadrature up to the order.
+
+        Hairer, Lubich, Wanner, eq (VI.4.2).
+        """
         weighted = np.diag(self.b) @ self.a
-        assert np.allclose(weighted + weighted.T, np.outer(self.b, self.b), atol=1e-15), self.name
+        defect = weighted + weighted.T - np.outer(self.b, self.b)
+        assert np.max(np.abs(defect)) < 1e-15, self.name
+        c = self.a.sum(axis=1)
+        for k in range(1, self.order + 1):
+            assert abs(self.b @ c ** (k - 1) - 1 / k) < 1e-12, self.name
 
     @property
     def a_stable(self) -> bool:

@@ -1,0 +1,14 @@
+"""Draws the pictures of README.md: python docs/make_figures.py."""
+
+from pathlib import Path
+
+import dtcasadi as dtc
+from dtcasadi import plots
+
+FOLDER = Path(__file__).resolve().parent / "figures"
+
+if __name__ == "__main__":
+    run = dtc.simulate(dtc.load_scene("seed_four_disc"))
+    FOLDER.mkdir(exist_ok=True)
+    plots.filmstrip(run, FOLDER / "filmstrip.png")
+    print(f"drawn into {FOLDER}: {run.message}")
