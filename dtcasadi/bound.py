@@ -163,8 +163,12 @@ def _views(
 
 @cache
 def _port_type(title: str, names: tuple[str, ...]) -> Any:
-    return namedtuple(title, names, rename=True)  # type: ignore[misc]
+    # Port names are known at run time only, and may be Python keywords: those become _0, _1, ...
+    return namedtuple(title, names, rename=True)
 
 
 def _ports(title: str, names: Sequence[str], views: Sequence[np.ndarray]) -> Any:
     return _port_type(title, tuple(names))(*views)
+
+
+__all__ = ["Bound", "densified"]

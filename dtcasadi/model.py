@@ -176,12 +176,9 @@ class Model:
 
     def pressure_of(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Chamber pressures at states (n_x, n) and commands (n_u, n), shape (n_u, n) [Pa]."""
-        states = x[2 * self.n_q :]
-        columns = [
-            np.array(ca.DM(self.actuator.pressure(ca.DM(states[:, k]), ca.DM(u[:, k])))).ravel()
-            for k in range(u.shape[1])
-        ]
-        return np.array(columns).reshape(u.shape[1], self.n_u).T
+        z, command = ca.SX.sym("z", self.n_x - 2 * self.n_q), ca.SX.sym("u", self.n_u)
+        pressure = ca.Function("pressure", [z, command], [self.actuator.pressure(z, command)])
+        return np.array(pressure(x[2 * self.n_q :], u)).reshape(self.n_u, u.shape[1])
 
     def function(self, name: str) -> ca.Function:
         """The symbolic Function of a name.

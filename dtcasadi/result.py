@@ -22,6 +22,7 @@ class Run:
         success: whether the end was reached; the states are finite either way.
         message: one sentence: how it went, or what failed, when, and what to try.
         method: the integration method.
+        choice: which methods `auto` took, from when, and why; empty with another method.
         energy: t, kinetic, potential, supplied, dissipated and residual at no more than 200
             samples [s, J]; `residual` closes the balance.
         condition: condition number of M at `energy["t"]`.
@@ -40,6 +41,7 @@ class Run:
     success: bool
     message: str
     method: str
+    choice: str
     energy: dict[str, np.ndarray]
     condition: np.ndarray
     recentrings: tuple[tuple[float, tuple[int, ...]], ...]
@@ -111,6 +113,6 @@ class Run:
 
 
 _SAVED = (
-    *("t", "x", "u", "q", "qd", "pressure", "thetas", "success", "message", "method"),
+    *("t", "x", "u", "q", "qd", "pressure", "thetas", "success", "message", "method", "choice"),
     *("condition", "steps", "rejected", "evaluations", "wall_time"),
 )

@@ -121,7 +121,6 @@ def _run(problem: Problem, name: str) -> Run:
     energy = energy_balance(model, trajectory, nodes, at)
     failure = trajectory.failure or _imbalance(model, trajectory, energy)
     steps = len(t) - 1
-    note = f"; {trajectory.note}" if trajectory.note else ""
     return Run(
         model=model,
         t=t,
@@ -129,9 +128,9 @@ def _run(problem: Problem, name: str) -> Run:
         u=sampled(problem.pieces, t, n),
         thetas=trajectory.thetas,
         success=not failure,
-        message=(failure or f"reached t = {t_end:g} s in {steps} steps of {trajectory.method}")
-        + note,
+        message=failure or f"reached t = {t_end:g} s in {steps} steps of {trajectory.method}",
         method=trajectory.method,
+        choice=trajectory.note,
         energy=energy,
         condition=conditions(model, trajectory.x[: model.n_q, at], trajectory.thetas[:, at]),
         recentrings=trajectory.recentrings,

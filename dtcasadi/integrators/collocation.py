@@ -44,6 +44,11 @@ class Collocation:
             assert abs(self.b @ self.a @ c - 1 / 6) < 1e-12, self.name
 
     @property
+    def evaluations(self) -> int:
+        """Calls of the dynamics in one step."""
+        return 1 + self.newton * len(self.b)
+
+    @property
     def a_stable(self) -> bool:
         """Every method here is."""
         return True

@@ -63,6 +63,11 @@ class Explicit:
         return self._finished(at, slopes), Sensitivity(F_x, F_u, F_theta)
 
     @property
+    def evaluations(self) -> int:
+        """Calls of the dynamics in one step."""
+        return len(self.tableau.b)
+
+    @property
     def a_stable(self) -> bool:
         """No explicit method is."""
         return False

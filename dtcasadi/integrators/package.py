@@ -66,7 +66,6 @@ class Package:
             failure = run.over(self, piece, piece.t_end)
             if failure:
                 break
-        recorder.evaluations = 0
         return recorder.finish(self.name, failure)
 
     def _refuse_unstable(self, problem: Problem) -> None:
@@ -101,12 +100,14 @@ class Advance:
         loop = method.loop(self.problem.model)
         command = (piece(piece.t_start), np.asarray(piece.slope, dtype=float))
         state.capacity = CHUNK if most is None else most
-        before = 0
+        tried = rejected = 0
         while True:
             why, t, x = loop.run(state, command, self.theta, self._guard, self.x)
             self.recorder.add(t, x, self.theta)
-            self.recorder.rejected += state.rejected - before
-            before = state.rejected
+            self.recorder.rejected += state.rejected - rejected
+            done = state.accepted + state.rejected
+            self.recorder.evaluations += (done - tried) * method.method.evaluations
+            tried, rejected = done, state.rejected
             self.t, self.h = state.t, state.h
             self.problem.advance(self.t)
             if why is Stop.GUARD:

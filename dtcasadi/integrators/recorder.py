@@ -45,7 +45,6 @@ class Recorder:
         ends = np.concatenate(self._ends).T if self._ends else np.zeros((n_x, 0))
         counts, thetas = zip(*self._thetas, strict=True)
         thetas_all = np.repeat(np.array(thetas).T, counts, axis=1)
-        # Overflow never reaches here: a step that is not finite is not accepted.
         problem = self._problem
         return Trajectory(
             t,

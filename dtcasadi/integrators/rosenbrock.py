@@ -73,6 +73,11 @@ class Rosenbrock:
         return len(self.m)
 
     @property
+    def evaluations(self) -> int:
+        """Calls of the dynamics in one step."""
+        return 1 + sum(bool(np.any(row)) for row in self.A)
+
+    @property
     def a_stable(self) -> bool:
         """Every method here is."""
         return True

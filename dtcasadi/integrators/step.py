@@ -1,7 +1,7 @@
 """What every one-step method is given and gives back, as CasADi expressions (SX or MX)."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -30,7 +30,7 @@ class Plant:
     force: ca.Function
     rates: ca.Function
     native: bool
-    kind: type
+    kind: Any
 
     @property
     def sizes(self) -> list[int]:
@@ -92,6 +92,10 @@ class OneStep(Protocol):
     def error_order(self) -> int:
         """Order of the lower of two embedded solutions; 0 without an error estimate."""
 
+    @property
+    def evaluations(self) -> int:
+        """Calls of the state equation, or of its residual, in one step."""
+
     def step(self, plant: Plant, at: At) -> Step:
         """The step from `at`."""
 
@@ -139,9 +143,12 @@ def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
     x, u, du, h, theta = (
         plant.kind.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)
     )
-    n_frames = theta.shape[0] - plant.form.jacobian.size2_out(4)  # the columns of T
-    free = plant.kind.sym("free", theta.shape[0] - n_frames)
-    value = method.step(plant, At(x, u, du, h, ca.vertcat(theta[:n_frames], free))).x_next
+    n_theta = theta.shape[0]
+    n_free = plant.form.jacobian.size2_out(4)  # the columns of T, without block `frames`
+    halves = [0, n_theta - n_free, n_theta]
+    free = plant.kind.sym("free", n_free)
+    frames, _ = ca.vertsplit(theta, halves)
+    value = method.step(plant, At(x, u, du, h, ca.vertcat(frames, free))).x_next
     blocks = [ca.jacobian(value, by) for by in (x, u, free)]
     function = ca.Function("differentiated", [x, u, du, h, theta, free], blocks)
-    return Sensitivity(*function.call([*at, at.theta[n_frames:]]))
+    return Sensitivity(*function.call([*at, ca.vertsplit(at.theta, halves)[1]]))

@@ -55,6 +55,11 @@ class Symplectic:
             assert abs(self.b @ c ** (k - 1) - 1 / k) < 1e-12, self.name
 
     @property
+    def evaluations(self) -> int:
+        """Calls of the dynamics in one step."""
+        return 2 + (self.newton + 1) * len(self.b)
+
+    @property
     def a_stable(self) -> bool:
         """Every method here is."""
         return True
