@@ -1,7 +1,7 @@
 """Files that appear whole or not at all."""
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,15 +16,14 @@ def written(target: Path) -> Iterator[BinaryIO]:
         OSError: the folder is missing, read-only or full; nothing of the attempt stays behind.
     """
     target = Path(target)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
+    # Part of the name only, which may be as long as a file's name can be.
+    temporary = target.with_name(f".{target.name[:40]}.{secrets.token_hex(8)}")
+    # Not mkstemp, which is private to the user: a result has the permissions of any new file.
+    with open(temporary, "xb") as file:
+        try:
             yield file
-        # mkstemp is private to the user; a result has the permissions any new file would.
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+            file.close()
+            os.replace(temporary, target)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise

@@ -43,6 +43,7 @@ def made_up(model: dtc.Model, t: np.ndarray, q: np.ndarray, qd: np.ndarray, **fi
         "condition": 10 + t,
         "recentrings": (),
         "steps": n - 1,
+        "choice": "",
         "rejected": 0,
         "evaluations": 4 * n,
         "wall_time": 0.01,

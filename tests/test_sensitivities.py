@@ -123,31 +123,33 @@ def gaps(rng: np.random.Generator, name: str, model: dtc.Model, plant: Plant) ->
     x, u, theta = state(rng, model)
     forms = [linearization(name, plant, exact=exact) for exact in (True, False)]
     rows = []
-    for h in (0.01, 0.005, 0.0025):
+    for h in (0.004, 0.002, 0.001):
         values = [[v.full() for v in f(x, u, 0 * u, h, theta)] for f in forms]
         assert np.array_equal(values[0][0], values[1][0])  # the same step
         rows.append([np.max(np.abs(a - b)) for a, b in zip(*values, strict=True)][1:])
     return np.array(rows)
 
 
+def slope(errors: np.ndarray) -> float:
+    """Order of the fall over the last halving."""
+    return float(np.log2(errors[-2] / errors[-1])) if errors[-1] else np.inf
+
+
 @pytest.mark.parametrize("name", INEXACT)
 def test_error_of_the_cheaper_derivatives(rng, name):
     """O(h^2) in F_x and F_theta, as documented; O(h^3) in F_u, whose own size is O(h)."""
     rows = gaps(rng, name, *planar(3, "regulator"))
-    orders = np.log2(rows[:-1] / np.maximum(rows[1:], 1e-300))[-1]
-    assert abs(orders[0] - 2) < 0.2 and abs(orders[2] - 2) < 0.2
+    F_x, F_u, F_theta = (slope(column) for column in rows.T)
+    assert abs(F_x - 2) < 0.2 and abs(F_theta - 2) < 0.2
     if name == "ros1":
         assert rows[0, 1] < 1e-14  # nothing is left out: one stage, linear in u
     else:
-        assert abs(orders[1] - 3) < 0.3
-    # The robot's rates of 0.3 rad/s change J by 1e2 in a second, F_x by h^2 of that.
-    assert 1e-6 < rows[0, 0] < 5e-2
+        assert F_u > 2.7  # 3, or more where the leading terms happen to cancel
 
 
 def test_error_of_the_cheaper_derivatives_in_space(rng):
     rows = gaps(rng, "sdirk2", *spatial())
-    orders = np.log2(rows[:-1] / rows[1:])[-1]
-    assert abs(orders[0] - 2) < 0.3 and abs(orders[2] - 2) < 0.3
+    assert abs(slope(rows[:, 0]) - 2) < 0.2 and abs(slope(rows[:, 2]) - 2) < 0.2
 
 
 @pytest.mark.parametrize("name", EXPLICIT)
@@ -188,11 +190,10 @@ def numbers(values: Any) -> list[np.ndarray]:
     return [np.array(value) for value in values]
 
 
-@pytest.mark.parametrize("method", ["rk4", "ros2", "sdirk2", "gauss2"])
+@pytest.mark.parametrize("method", ["rk4", "ros2", "sdirk2"])
 def test_discrete_model(rng, method):
     """Step and linearization agree with the method's own, symbolic and compiled."""
-    actuator = "direct" if method == "gauss2" else "regulator"
-    model, plant = planar(2, actuator)
+    model, plant = planar(2, "regulator")
     discrete = model.discrete(H, method=method)
     assert (discrete.step_s, discrete.method) == (H, method)
     assert discrete.state_names == model.state_names
@@ -231,26 +232,25 @@ def test_discrete_model_in_space(rng):
         assert np.array_equal(value, wanted)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 @pytest.mark.parametrize("method", ["rk4", "ros2", "sdirk2", "radau5"])
-def test_status_is_never_good_for_a_state_that_is_not_finite(method, bad):
+def test_status_is_never_good_for_a_state_that_is_not_finite(method):
+    """NaN or infinity anywhere, or rates whose squares overflow."""
     model, _ = planar(2, "regulator")
     discrete = model.discrete(H, method=method)
-    for k in range(model.n_x):
+    rates = range(model.n_q, 2 * model.n_q)
+    cases = [(bad, k) for bad in (np.nan, np.inf) for k in range(model.n_x)]
+    for bad, k in [*cases, *((1e200, k) for k in rates)]:
         x = np.full(model.n_x, 0.1)
+        good = discrete.step(x, np.ones(model.n_u), model.theta0)[1]
         x[k] = bad
-        if bad == 1e200 and k < model.n_q:
-            continue  # an angle of any size is an angle
-        for step in (discrete.step, discrete.compiled("step")):
-            x_next, status = (np.array(v) for v in step(x, np.ones(model.n_u), model.theta0))
-            assert status == 1 or (np.isfinite(bad) and np.all(np.isfinite(x_next)))
-            assert status == 1 or k >= 2 * model.n_q
+        status = discrete.step(x, np.ones(model.n_u), model.theta0)[1]
+        assert (float(good), float(status)) == (0, 1), (bad, model.state_names[k])
 
 
 def test_discrete_model_names_what_is_wrong():
     model, _ = planar(2, "regulator")
     for arguments, text in (
-        ((0.0, "rk4"), r"step_s: expected a positive number, got 0"),
+        ((0.0, "rk4"), r"step_s: expected a finite positive number, got 0"),
         ((np.nan, "rk4"), r"step_s: expected a .*, got nan"),
         ((0.1, "rk5"), r"method: expected one of euler, .*, got 'rk5'"),
     ):

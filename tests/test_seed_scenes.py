@@ -1,0 +1,313 @@
+"""The paper's four-disc robot: the shipped scenes move as an independent planar program says.
+
+Its states have an error of 1e-11; the numbers below are rounded to the digits shown. (y, z) are
+coordinates in the root's frame, heights count along `up`.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from oracles.cases import numbers
+from scipy.optimize import brentq, root
+
+import dtcasadi as dtc
+
+DOWN, UP, FORCE = "seed_four_disc", "seed_four_disc_up", "seed_four_disc_force"
+ALL = (DOWN, UP, FORCE)
+TIGHT = {"rtol": 1e-10, "atol": 1e-12}
+# up = +y: pressure -> (beta1, psi1, beta2, psi2, beta3, psi3), and half a unit of the last digit.
+EQUILIBRIA = {
+    3.82: ((1.74, 1.37, -1.33, 1.39, -1.28, 1.57), 0.005),
+    5.0: ((1.787, 1.309, -1.257, 1.337, -1.200, 1.566), 0.0005),
+    8.0: ((1.908, 1.177, -1.086, 1.227, -0.982, 1.555), 0.0005),
+    12.0: ((1.983, 1.117, -0.942, 1.169, -0.587, 1.508), 0.0005),
+}
+
+
+@cache
+def model(name: str, **options: str) -> dtc.Model:
+    """A shipped scene's model; two of them have the same robot."""
+    if name == FORCE:
+        return model(UP, **options)
+    return dtc.load_scene(name).build(**options)
+
+
+def run_of(name: str, t_end: float) -> dtc.Run:
+    """The scene by its own method and tolerances."""
+    scene, m = dtc.load_scene(name), model(name)
+    tolerances = {"rtol": scene.rtol, "atol": scene.atol}
+    run = dtc.simulate(m, scene.x0(m), pressure=scene.pressure, t_end=t_end, **tolerances)
+    assert run.success, run.message
+    return run
+
+
+@cache
+def own_run(name: str) -> dtc.Run:
+    """The scene as it is shipped."""
+    return run_of(name, dtc.load_scene(name).t_end)
+
+
+def states(name: str, times: tuple[float, ...], **options: str) -> list[np.ndarray]:
+    """Accurate states at some times, each run continuing the one before."""
+    scene, m = dtc.load_scene(name), model(name, **options)
+    x, before, found = scene.x0(m), 0.0, []
+    for t in times:
+        # Explicit while the motion is fast; towards rest only stability limits such steps.
+        method = "DOP853" if t <= 5 else "LSODA"
+        duration = t - before
+        run = dtc.simulate(m, x, pressure=scene.pressure, t_end=duration, method=method, **TIGHT)
+        assert run.success, run.message
+        x, before = run.x[:, -1], t
+        found.append(x)
+    return found
+
+
+def origin(m: dtc.Model, x: np.ndarray) -> np.ndarray:
+    """Where the thread joins disc 4, (y, z)."""
+    return numbers(m.poses, x[: m.n_q], m.theta0)[1][1:, 3]
+
+
+def centre(m: dtc.Model, x: np.ndarray) -> np.ndarray:
+    """Centre of disc 4, (y, z)."""
+    R, r = numbers(m.poses, x[: m.n_q], m.theta0)
+    return (r[:, 3] + R[:, 9:] @ m.robot.discs[3].centre_of_mass)[1:]
+
+
+def heights(run: dtc.Run) -> tuple[np.ndarray, np.ndarray]:
+    """Heights of every frame's origin, (n, 4), and of disc 4's centre, (n,)."""
+    R, r = run.poses()
+    up = run.model.robot.up
+    offset = R[:, 3] @ run.model.robot.discs[3].centre_of_mass
+    return r @ up, (r[:, 3] + offset) @ up
+
+
+def rest(pressure: float, guess: np.ndarray) -> tuple[np.ndarray, bool]:
+    """An equilibrium with up = +y near a guess, and whether one was found."""
+    ode = model(UP).compiled("ode_jacobian")
+    still, theta = np.zeros(6), model(UP).theta0
+
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        value = ode(np.concatenate([q, still]), [pressure], theta)
+        return value.xdot[6:], value.F_x[6:, :6]
+
+    found = root(residual, guess, jac=True, tol=1e-13)
+    # Accelerations are of order 10 where nothing balances.
+    return found.x, bool(np.max(np.abs(found.fun)) < 1e-9)
+
+
+def rates_of(pressure: float, q: np.ndarray) -> np.ndarray:
+    """Eigenvalues of the motion linearized about an equilibrium, the least stable first [1/s]."""
+    ode = model(UP).compiled("ode_jacobian")
+    F_x = ode(np.concatenate([q, np.zeros(6)]), [pressure], model(UP).theta0).F_x
+    values = np.linalg.eigvals(F_x)
+    return values[np.argsort(-values.real)]
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "place", "expected"),
+    [
+        (
+            UP,
+            (0.5, 1.0, 2.0, 3.0),
+            origin,
+            [(-1.41016, 2.60795), (-2.63405, 0.39544), (0.59003, -1.81884), (0.08101, 0.34290)],
+        ),
+        (
+            UP,
+            (0.5, 1.0, 2.0, 3.0),
+            centre,
+            [(-0.7208, 3.33237), (-3.46129, 0.95729), (1.19813, -2.61271), (0.20233, 1.33552)],
+        ),
+        (
+            DOWN,
+            (0.5, 1.0, 2.0, 3.0, 5.0),
+            centre,
+            [
+                *((1.30807, 3.15972), (2.34998, 2.71531), (3.19555, 2.01211)),
+                *((2.42879, 2.94063), (1.76662, 3.31026)),
+            ],
+        ),
+    ],
+    ids=["up_origin", "up_centre", "down_centre"],
+)
+def test_reference_motion(name, times, place, expected):
+    value = [place(model(name), x) for x in states(name, times)]
+    # Half a unit of the fifth decimal, and as much again for our own error at 3 s.
+    np.testing.assert_allclose(value, expected, rtol=0, atol=1e-5)
+
+
+def test_it_falls_is_lifted_and_settles_curled():
+    """up = -y, pressure 12: what the paper's text says, over a minute."""
+    times = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 20.0, 60.0)
+    y, z = np.array([centre(model(DOWN), x) for x in states(DOWN, times)]).T
+    height = [-1.31, -2.35, -3.20, -2.43, -1.77, -2.31, -2.46, -2.59]
+    np.testing.assert_allclose(-y, height, rtol=0, atol=0.0051)
+    along = [3.16, 2.72, 2.01, 2.94, 3.31, 3.05, 2.92, 2.75]
+    np.testing.assert_allclose(z, along, rtol=0, atol=0.0051)
+
+
+@pytest.mark.parametrize(
+    ("terms", "expected"), [("paper", (-2.650, 0.228)), ("none", (-2.592, -0.044))]
+)
+def test_velocity_terms_differ_visibly(terms, expected):
+    """up = +y, origin of disc 4 at 1 s; with the full terms it is at (-2.634, 0.395)."""
+    value = origin(model(UP, velocity_terms=terms), states(UP, (1.0,), velocity_terms=terms)[0])
+    np.testing.assert_allclose(value, expected, rtol=0, atol=5.1e-4)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_shipped_settings_are_accurate(name):
+    """The default method at the scene's own tolerances, against the accurate motion at 3 s."""
+    accurate = states(name, (3.0,))[0]
+    # rtol = 1e-6 a step, grown by the unstable motion of the fall.
+    assert np.max(np.abs(run_of(name, 3.0).q[:, -1] - accurate[:6])) < 1e-3
+
+
+def test_a_scene_alone_is_enough_to_run():
+    run = dtc.simulate(dtc.load_scene(DOWN))
+    assert run.success and run.t[-1] == 10.0
+    assert np.array_equal(run.x, own_run(DOWN).x)
+
+
+def test_thread_on_top_falls_then_rises():
+    run = own_run(DOWN)
+    _, height = heights(run)
+    lowest = int(np.argmin(np.where(run.t < 5.5, height, np.inf)))
+    assert height[0] - np.min(height[run.t <= 2.2]) > 2
+    assert 1.5 < run.t[lowest] < 2.5
+    assert height[lowest] == pytest.approx(-3.197, abs=1e-3)
+    rise = height[(run.t > run.t[lowest]) & (run.t < 5.5)]
+    assert np.max(rise) - height[lowest] > 1
+    assert np.max(rise) == pytest.approx(-1.486, abs=1e-3)
+    tilt = run.q.sum(axis=0)
+    assert np.min(tilt) > -0.3 and np.max(tilt) < 1.3
+
+
+def test_thread_below_curls_through_itself():
+    run = own_run(UP)
+    origins, _ = heights(run)
+    lowest = int(np.argmin(np.where(run.t < 2.2, origins.min(axis=1), np.inf)))
+    assert 0.9 < run.t[lowest] < 1.15
+    assert origins[lowest].min() < -2.5
+    rise = origins[(run.t > run.t[lowest]) & (run.t < 2.2), 3]
+    assert np.max(rise) - origins[lowest, 3] > 3
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_first_thread_turns_fastest_in_the_fall(name):
+    run = own_run(name)
+    origins, _ = heights(run)
+    fall = run.t <= run.t[np.argmin(np.where(run.t < 2.5, origins[:, 3], np.inf))]
+    peaks = np.max(np.abs(run.qd[::2, fall]), axis=1)  # beta1, beta2, beta3
+    assert peaks[0] > max(peaks[1:])
+
+
+def test_where_the_scenes_settle():
+    """After 200 s; rates about 1e-6 there with the thread on top."""
+    settled = (-1.2107, 1.2308, -1.0029, 1.1753, -0.5933, 1.5081)
+    run = run_of(DOWN, 200.0)
+    np.testing.assert_allclose(run.q[:, -1], settled, rtol=0, atol=1e-4)
+    assert np.max(np.abs(run.qd[:, -1])) < 3e-6
+    run = run_of(FORCE, 200.0)
+    np.testing.assert_allclose(run.q[:, -1], EQUILIBRIA[3.82][0], rtol=0, atol=0.005)
+    # Curled through itself: the equilibrium at 12 with two extra turns.
+    run = run_of(UP, 200.0)
+    turns = (run.q[:, -1] - EQUILIBRIA[12.0][0]) / (2 * np.pi)
+    np.testing.assert_allclose(turns, [0, 0, 1, 0, 1, 0], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("pressure", EQUILIBRIA)
+def test_equilibria_are_stable(pressure):
+    expected, digit = EQUILIBRIA[pressure]
+    q, found = rest(pressure, np.array(expected))
+    assert found
+    np.testing.assert_allclose(q, expected, rtol=0, atol=1.01 * digit)
+    slowest = rates_of(pressure, q)[0]
+    assert -0.065 < slowest.real < -0.045  # "-0.05 to -0.06 1/s"
+
+
+@pytest.mark.parametrize("pressure", [3.82, 5.0, 8.0])
+def test_equilibria_are_returned_to(pressure):
+    """From 0.2 rad off in each angle, both ways, within 200 s."""
+    q, _ = rest(pressure, np.array(EQUILIBRIA[pressure][0]))
+    for push in 0.2 * np.vstack([np.eye(6), -np.eye(6)]):
+        x0 = np.concatenate([q + push, np.zeros(6)])
+        run = dtc.simulate(model(UP), x0, pressure=pressure, t_end=200.0)
+        assert run.success, run.message
+        # The slowest mode leaves 0.2 exp(-0.055 * 200) = 3e-6 of the push.
+        assert np.max(np.abs(run.q[:, -1] - q)) < 1e-4
+
+
+def test_stability_is_lost_by_a_hopf_bifurcation():
+    """A complex pair crosses at a pressure of about 13.8."""
+    q, _ = rest(12.0, np.array(EQUILIBRIA[12.0][0]))
+    branch = [q]
+    for pressure in np.linspace(12.0, 13.7, 18):
+        q, found = rest(pressure, q)
+        assert found and rates_of(pressure, q)[0].real < 0
+        branch.append(q)
+
+    def worst(pressure: float) -> float:
+        return float(rates_of(pressure, rest(pressure, branch[-1])[0])[0].real)
+
+    critical = brentq(worst, 13.7, 13.95)
+    assert critical == pytest.approx(13.8, abs=0.05)
+    pair = rates_of(critical, rest(critical, branch[-1])[0])[:2]
+    assert abs(pair[0].imag) > 0.05
+    assert pair[0] == pytest.approx(np.conj(pair[1]))
+
+
+@pytest.mark.parametrize(("pressure", "stable"), [(13.0, 1), (14.0, 0), (16.0, 0), (30.0, 0)])
+def test_no_stable_equilibrium_at_higher_pressures(rng, pressure, stable):
+    """A search from 200 random poses finds the one stable equilibrium where there is one."""
+    found = set()
+    for guess in rng.uniform(-np.pi, np.pi, (200, 6)):
+        q, good = rest(pressure, guess)
+        if good and rates_of(pressure, q)[0].real < 0:
+            found.add(tuple(np.round(np.exp(1j * q), 6)))  # whole turns are the same pose
+    assert len(found) == stable
+
+
+def check_it_stays_in_its_plane(name: str, method: str) -> None:
+    """Not even round-off may grow: fused products need not keep an exact zero."""
+    scene, m = dtc.load_scene(name), model(name, chart="cardan")
+    plane = ("thread_x", "disc_x")
+    out = [k for k, n in enumerate(m.coordinate_names) if not n.startswith(plane)]
+    assert len(out) == 9
+    pressure, x0 = scene.pressure, scene.x0(m)
+    run = dtc.simulate(m, x0, pressure=pressure, t_end=10.0, method=method)
+    assert run.success, run.message
+    assert np.max(np.abs(run.q[out])) < 1e-12
+    # In the plane it is the planar model's motion.
+    planar = run_of(name, 2.0)
+    spatial = dtc.simulate(m, x0, pressure=pressure, t_end=2.0, method=method)
+    assert np.max(np.abs(spatial.poses()[1][-1] - planar.poses()[1][-1])) < 1e-3
+    x0[out] = 1e-9
+    run = dtc.simulate(m, x0, pressure=pressure, t_end=5.0, method=method)
+    assert run.success, run.message
+    assert 0 < np.max(np.abs(run.q[out])) < 1e-7
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_spatial_motion_stays_in_its_plane(name):
+    check_it_stays_in_its_plane(name, "DOP853")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("method", ["auto", "rodas4", "LSODA"])
+def test_spatial_motion_stays_in_its_plane_by_every_kind_of_method(name, method):
+    check_it_stays_in_its_plane(name, method)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_both_dampings_are_the_same_in_the_plane(rng, name):
+    """The scenes' c_a = c_b = 100 is the paper's b = 100 on every coordinate rate."""
+    physical, coordinate = model(name), model(name, damping="coordinate")
+    for x in rng.normal(size=(20, 12)):
+        damping = numbers(physical.damping, x[:6], x[6:], physical.theta0)
+        np.testing.assert_allclose(damping, 100 * x[6:], rtol=1e-12, atol=1e-12)
+        rates = [numbers(m.ode, x, 12.0, m.theta0) for m in (physical, coordinate)]
+        # Round-off of forces near 1e3 through M^-1, near 10.
+        np.testing.assert_allclose(*rates, rtol=1e-11, atol=1e-9)
