@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from moving import seed
 from oracles.cases import numbers
 from scipy.optimize import brentq, root
 
@@ -30,6 +31,8 @@ def model(name: str, **options: str) -> dtc.Model:
     """A shipped scene's model; two of them have the same robot."""
     if name == FORCE:
         return model(UP, **options)
+    if name == DOWN and not options:
+        return seed()
     return dtc.load_scene(name).build(**options)
 
 

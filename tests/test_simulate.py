@@ -27,6 +27,12 @@ def reference(t_end: float) -> np.ndarray:
     return dtc.simulate(seed(), seed_x0(), pressure=12.0, t_end=t_end, **options).x[:, -1]
 
 
+@cache
+def rest() -> np.ndarray:
+    """The state it settles in."""
+    return dtc.simulate(seed(), seed_x0(), pressure=12.0, t_end=600.0).x[:, -1]
+
+
 @pytest.mark.parametrize(
     ("method", "step_s"),
     [
@@ -134,13 +140,19 @@ def test_theta_replaces_the_robots_numbers():
 
 
 def test_arguments_win_over_the_scene():
-    scene = replace(dtc.load_scene("seed_four_disc"), method="rk4", step_s=1e-3, t_end=0.1)
+    nothing = dtc.Profile.constant(np.zeros(0))
+    parts = {"q0": [1.0], "qd0": [0.0], "pressure": nothing, "options": {"chart": "hinge"}}
+    scene = dtc.Scene("swing", pendulum().robot, **parts, t_end=0.1, method="rk4", step_s=1e-3)
     run = dtc.simulate(scene)
     assert (run.method, run.steps, run.t[-1]) == ("rk4", 100, 0.1)
-    x0 = np.zeros(12)
-    run = dtc.simulate(scene, x0, method="DOP853", t_end=0.2, pressure=3.0, rtol=1e-3)
-    assert (run.method, run.t[-1], run.pressure[0, 0]) == ("DOP853", 0.2, 3.0)
-    assert not np.any(run.x[:, 0])
+    assert run.x[:, 0].tolist() == [1.0, 0.0]
+    run = dtc.simulate(scene, [0.5, 0.0], t_end=0.2, step_s=2e-3)
+    assert (run.method, run.steps, run.t[-1]) == ("rk4", 100, 0.2)
+    assert run.x[:, 0].tolist() == [0.5, 0.0]
+    loose, tight = (
+        dtc.simulate(scene, method="RK45", t_end=2.0, rtol=rtol).steps for rtol in (1e-3, 1e-8)
+    )
+    assert loose < tight / 2
 
 
 def test_the_last_step_ends_at_the_end():
@@ -152,10 +164,10 @@ def test_the_last_step_ends_at_the_end():
     assert run.steps == 1 and run.t[-1] == 1e-4
 
 
-@pytest.mark.parametrize("method", ["auto", "tsit5", "LSODA"])
+@pytest.mark.parametrize("method", ["auto", "tsit5", "LSODA", "DOP853", "RK45"])
 def test_a_robot_at_rest_stays_there(method):
-    """Nothing is turned over: round-off must not pass for an energy balance that is off."""
-    settled = dtc.simulate(seed(), seed_x0(), pressure=12.0, t_end=600.0).x[:, -1]
+    """Nothing is turned over: small errors must not pass for an energy balance that is off."""
+    settled = rest()
     run = dtc.simulate(seed(), settled, pressure=12.0, t_end=10.0, method=method)
     assert run.success, run.message
     assert np.max(np.abs(run.x[:, -1] - settled)) < 1e-7
@@ -175,8 +187,10 @@ def check_it_is_honest(run: dtc.Run, t_end: float) -> None:
         assert "reached t" not in run.message
 
 
-@pytest.mark.parametrize("step_s", [0.01, 0.02, 0.1, 1.0])
-@pytest.mark.parametrize("method", ["euler", "heun", "rk4"])
+@pytest.mark.parametrize(
+    ("method", "step_s"),
+    [("euler", 0.02), ("rk4", 0.01), ("rk4", 0.02), ("rk4", 0.1), ("rk4", 1.0)],
+)
 def test_too_large_a_step_ends_without_success(method, step_s):
     start = {"x0": seed_x0(), "pressure": 12.0, "t_end": 20.0, "step_s": step_s}
     limit = "is beyond the linear stability limit 0.00[0-9]+ s"

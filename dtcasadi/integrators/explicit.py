@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .step import At, Plant, Sensitivity, Step, butcher_stability, combined, first_order
+from .step import At, Plant, Sensitivity, Step, combined, first_order
 from .tableau import Tableau
 
 
@@ -73,8 +73,12 @@ class Explicit:
         return False
 
     def stability(self, z: np.ndarray) -> np.ndarray:
-        """R(z), a polynomial."""
-        return butcher_stability(self.tableau.a, self.tableau.b, z)
+        """R(z) = 1 + sum z^(k+1) b^T A^k 1, a polynomial."""
+        power, value = np.ones(len(self.tableau.b)), np.ones_like(np.asarray(z, dtype=complex))
+        for k in range(len(power)):
+            value = value + np.asarray(z) ** (k + 1) * (self.tableau.b @ power)
+            power = self.tableau.a @ power
+        return value
 
     def _stage(self, at: At, i: int, slopes: list[ca.MX]) -> ca.MX:
         return at.x + at.h * combined(self.tableau.a[i, :i], slopes) if i else at.x
