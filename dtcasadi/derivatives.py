@@ -58,7 +58,7 @@ class Derivatives:
         return _stacked(blocks)
 
     def rigid(self) -> tuple[ca.SX, ca.SX]:
-        """D tau / d q and d tau / d qd at fixed qdd but for the pairs' share, (n_q, n_q) each."""
+        """Derivatives of tau for q and qd without the pairs' share, shape (n_q, n_q) each."""
         chain, columns, n = self._chain, self._columns, self._chain.n_segments
         dq: list[list] = [[None] * n for _ in range(n)]
         dqd: list[list] = [[None] * n for _ in range(n)]
@@ -80,7 +80,7 @@ class Derivatives:
         return total_q, total_qd
 
     def inflation_columns(self) -> ca.SX:
-        """D Q / d pressure: the generalized force of one pascal in each chamber, (n_q, n_u)."""
+        """Generalized force of one pascal in each chamber, d Q / d pressure, shape (n_q, n_u)."""
         chain = self._chain
         columns = []
         for k in range(len(chain.chambers)):

@@ -1,5 +1,6 @@
 """Files that appear whole or not at all."""
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -16,10 +17,16 @@ def written(target: Path) -> Iterator[BinaryIO]:
         OSError: the folder is missing, read-only or full; nothing of the attempt stays behind.
     """
     target = Path(target)
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
     # Part of the name only, which may be as long as a file's name can be.
     temporary = target.with_name(f".{target.name[:40]}.{secrets.token_hex(8)}")
     # Not mkstemp, which is private to the user: a result has the permissions of any new file.
-    with open(temporary, "xb") as file:
+    try:
+        opened = open(temporary, "xb")
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(target)) from error
+    with opened as file:
         try:
             yield file
             file.close()

@@ -142,7 +142,7 @@ def lagrangian_gradient(g: Graphs) -> ca.Function:
 
 
 def canonical_rates(g: Graphs) -> ca.Function:
-    """Qd = M^-1 p by the articulated-body recursion at rest."""
+    """Rates qd = M^-1 p by the articulated-body recursion at rest."""
     return g.function("canonical_rates", ("q", "p", "theta"), qd=_rates_of(g))
 
 

@@ -70,7 +70,7 @@ def implicit_form(g: Graphs) -> ImplicitForm:
 
 
 def _free_theta_part(g: Graphs) -> ca.Function:
-    """D tau / d theta behind block `frames` at (q, qd, qdd, pressure, theta)."""
+    """Derivatives d tau / d theta behind block `frames` at (q, qd, qdd, pressure, theta)."""
     columns = g.chain.asm.expression(g.chain.n_q, 0)
     if g.n_frames < g.theta.shape[0]:
         tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
@@ -169,7 +169,7 @@ def with_jacobian(plain: ca.Function, blocks: ca.Function, g: Graphs) -> ca.Func
 
 
 def _theta_jacobian(g: Graphs) -> ca.Function:
-    """D qdd / d theta = -M^-1 d tau/d theta at (q, qd, qdd, pressure, theta), not for `frames`."""
+    """Derivative for theta but `frames`, -M^-1 d tau/d theta, at (q, qd, qdd, pressure, theta)."""
     still = g.chain.asm.expression(g.chain.n_q, 1)
     mass = Derivatives(g, g.q, still, still, None).mass_matrix()
     ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
@@ -215,7 +215,7 @@ def _actuator_jacobian(g: Graphs, a: ca.SX, u: ca.SX) -> list[ca.SX]:
 def _acceleration_jacobian(
     g: Graphs, q: ca.SX, qd: ca.SX, pressure: ca.SX, qdd: ca.SX, *, with_tau: bool
 ) -> list[ca.SX]:
-    """D qdd = -M^-1 d(inverse dynamics), for q, qd, pressure and where asked tau."""
+    """Derivatives d qdd = -M^-1 d(inverse dynamics), for q, qd, pressure and where asked tau."""
     theta = g.top("theta")
     M, dq, dqd, columns = _rigid_part(g)(q, qd, qdd, pressure, theta)
     pair_q, pair_qd = _pair_part(g)(q, qd, theta)

@@ -1,5 +1,7 @@
 """What a simulation returns."""
 
+import errno
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,16 +98,24 @@ class Run:
         return np.array(R).reshape(-1, n, 3, 3), np.array(r).reshape(-1, n, 3)
 
     def save(self, path: str | Path) -> Path:
-        """Write everything but the model to a NumPy .npz file, whole or not at all.
+        """Write the arrays of the run to a NumPy .npz file, whole or not at all.
+
+        `np.load` reads them back: the fields of this class, `energy_*` for the balance, and
+        `recentrings` with `recentred_segments`, one row per re-centring padded with zeros.
 
         Raises:
             OSError: the file cannot be written; an older one is left as it was.
         """
         target = Path(path)
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
         target = target if target.suffix == ".npz" else target.with_name(target.name + ".npz")
         arrays = {f"energy_{name}": values for name, values in self.energy.items()}
         arrays |= {name: np.array(getattr(self, name)) for name in _SAVED}
         arrays["recentrings"] = np.array([time for time, _ in self.recentrings])
+        width = max((len(segments) for _, segments in self.recentrings), default=0)
+        rows = [segments + (0,) * (width - len(segments)) for _, segments in self.recentrings]
+        arrays["recentred_segments"] = np.array(rows, dtype=int)
         names = {"state_names": np.array(self.model.state_names)}
         with written(target) as file:
             np.savez_compressed(file, **arrays, **names)  # type: ignore[arg-type]

@@ -13,22 +13,32 @@ from dtcasadi.robot import Chamber, Damping, Disc, Robot, Thread
 TIGHT: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12}
 
 
+DOWN, UP, FORCE = "seed_four_disc", "seed_four_disc_up", "seed_four_disc_force"
+
+
 @cache
+def scene_model(name: str, **options: str) -> dtc.Model:
+    """A shipped scene's model; two of them have the same robot."""
+    if name == FORCE:
+        return scene_model(UP, **options)
+    return dtc.load_scene(name).build(**options)
+
+
 def seed() -> dtc.Model:
     """The paper's robot in the plane, thread on top."""
-    return dtc.load_scene("seed_four_disc").build()
+    return scene_model(DOWN)
 
 
 def seed_x0() -> np.ndarray:
     """Its initial state."""
-    return dtc.load_scene("seed_four_disc").x0(seed())
+    return dtc.load_scene(DOWN).x0(seed())
 
 
 @cache
 def free() -> dtc.Model:
-    """Three discs in space with springs and weight, without damping and chambers."""
-    robot = random_robot(np.random.default_rng(3), 3)
-    springs = [replace(spring, damping=0.0) for spring in robot.springs]
+    """A disc in space with springs and weight, without damping and chambers."""
+    robot = random_robot(np.random.default_rng(2), 2)
+    springs = tuple(replace(spring, damping=0.0) for spring in robot.springs)
     return dtc.build(replace(robot, springs=springs, damping=Damping(), chambers=()))
 
 

@@ -87,13 +87,15 @@ def test_two_writers_at_once(tmp_path):
 
 
 def test_a_folder_that_is_not_there(tmp_path):
-    with pytest.raises(FileNotFoundError), written(tmp_path / "nowhere" / "result") as file:
+    target = tmp_path / "nowhere" / "result"
+    with pytest.raises(FileNotFoundError) as caught, written(target) as file:
         file.write(NEW)
+    assert caught.value.filename == str(target)  # not the temporary one
 
 
 def test_a_folder_in_its_place(tmp_path):
     (tmp_path / "result").mkdir()
-    with pytest.raises(OSError, match="directory"), written(tmp_path / "result") as file:
+    with pytest.raises(IsADirectoryError, match="result"), written(tmp_path / "result") as file:
         file.write(NEW)
     assert names(tmp_path) == ["result"]
 

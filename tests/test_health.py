@@ -83,11 +83,14 @@ def test_the_residual_shows_what_other_velocity_terms_leave_out(terms, missing):
 
 
 @pytest.mark.parametrize("method", ["DOP853", "tsit5"])
-def test_a_free_motion_at_the_default_tolerances_is_a_success(method):
-    """It turns no energy over; its drift is small beside what it moves with."""
-    run = dtc.simulate(ball(), [0.0, 0.0, 0.0, 0.3, 0.2, 6.0], t_end=5.0, method=method)
+def test_a_free_motion_at_loose_tolerances_is_a_success(method):
+    """It turns no energy over but its drift, which is small beside what it moves with."""
+    start = {"x0": [0.0, 0.0, 0.0, 0.3, 0.2, 6.0], "t_end": 5.0, "rtol": 1e-3, "atol": 1e-5}
+    run = dtc.simulate(ball(), **start, method=method)
     assert run.success, run.message
-    assert np.ptp(run.energy["kinetic"]) < 1e-3 * run.energy["kinetic"][0]
+    drift = np.ptp(run.energy["kinetic"])
+    assert drift < 0.1 * run.energy["kinetic"][0]
+    assert np.max(np.abs(run.energy["residual"])) > 0.1 * drift
 
 
 def test_nothing_moves():

@@ -88,6 +88,8 @@ def test_saved_and_loaded(tmp_path, request, which):
     for name, values in run.energy.items():
         assert np.array_equal(saved[f"energy_{name}"], values, equal_nan=True)
     assert saved["recentrings"].tolist() == [time for time, _ in run.recentrings]
+    segments = [tuple(row[row > 0]) for row in saved["recentred_segments"]]
+    assert segments == [segments for _, segments in run.recentrings]
     assert tuple(saved["state_names"]) == run.model.state_names
     assert saved["success"] == (which != "failed") and str(saved["message"]) == run.message
 
@@ -115,7 +117,9 @@ def test_a_failure_leaves_the_old_file(tmp_path, regulated, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
 
 
-def test_a_folder_that_is_not_there(tmp_path, regulated):
-    with pytest.raises(FileNotFoundError):
+def test_places_that_cannot_be_written(tmp_path, regulated):
+    with pytest.raises(FileNotFoundError, match="nowhere/run.npz"):
         regulated.save(tmp_path / "nowhere" / "run.npz")
+    with pytest.raises(IsADirectoryError, match=tmp_path.name):
+        regulated.save(tmp_path)
     assert not list(tmp_path.iterdir())

@@ -5,42 +5,24 @@ coordinates in the root's frame, heights count along `up`.
 """
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
-from moving import seed
+from moving import DOWN, FORCE, TIGHT, UP
+from moving import scene_model as model
 from oracles.cases import numbers
-from scipy.optimize import brentq, root
 
 import dtcasadi as dtc
 
-DOWN, UP, FORCE = "seed_four_disc", "seed_four_disc_up", "seed_four_disc_force"
 ALL = (DOWN, UP, FORCE)
-TIGHT = {"rtol": 1e-10, "atol": 1e-12}
-# up = +y: pressure -> (beta1, psi1, beta2, psi2, beta3, psi3), and half a unit of the last digit.
-EQUILIBRIA = {
-    3.82: ((1.74, 1.37, -1.33, 1.39, -1.28, 1.57), 0.005),
-    5.0: ((1.787, 1.309, -1.257, 1.337, -1.200, 1.566), 0.0005),
-    8.0: ((1.908, 1.177, -1.086, 1.227, -0.982, 1.555), 0.0005),
-    12.0: ((1.983, 1.117, -0.942, 1.169, -0.587, 1.508), 0.0005),
-}
-
-
-@cache
-def model(name: str, **options: str) -> dtc.Model:
-    """A shipped scene's model; two of them have the same robot."""
-    if name == FORCE:
-        return model(UP, **options)
-    if name == DOWN and not options:
-        return seed()
-    return dtc.load_scene(name).build(**options)
 
 
 def run_of(name: str, t_end: float) -> dtc.Run:
     """The scene by its own method and tolerances."""
     scene, m = dtc.load_scene(name), model(name)
-    tolerances = {"rtol": scene.rtol, "atol": scene.atol}
-    run = dtc.simulate(m, scene.x0(m), pressure=scene.pressure, t_end=t_end, **tolerances)
+    start: dict[str, Any] = {"pressure": scene.pressure, "rtol": scene.rtol, "atol": scene.atol}
+    run = dtc.simulate(m, scene.x0(m), t_end=t_end, **start)
     assert run.success, run.message
     return run
 
@@ -58,8 +40,8 @@ def states(name: str, times: tuple[float, ...], **options: str) -> list[np.ndarr
     for t in times:
         # Explicit while the motion is fast; towards rest only stability limits such steps.
         method = "DOP853" if t <= 5 else "LSODA"
-        duration = t - before
-        run = dtc.simulate(m, x, pressure=scene.pressure, t_end=duration, method=method, **TIGHT)
+        start: dict[str, Any] = {"t_end": t - before, "method": method, **TIGHT}
+        run = dtc.simulate(m, x, pressure=scene.pressure, **start)
         assert run.success, run.message
         x, before = run.x[:, -1], t
         found.append(x)
@@ -83,28 +65,6 @@ def heights(run: dtc.Run) -> tuple[np.ndarray, np.ndarray]:
     up = run.model.robot.up
     offset = R[:, 3] @ run.model.robot.discs[3].centre_of_mass
     return r @ up, (r[:, 3] + offset) @ up
-
-
-def rest(pressure: float, guess: np.ndarray) -> tuple[np.ndarray, bool]:
-    """An equilibrium with up = +y near a guess, and whether one was found."""
-    ode = model(UP).compiled("ode_jacobian")
-    still, theta = np.zeros(6), model(UP).theta0
-
-    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        value = ode(np.concatenate([q, still]), [pressure], theta)
-        return value.xdot[6:], value.F_x[6:, :6]
-
-    found = root(residual, guess, jac=True, tol=1e-13)
-    # Accelerations are of order 10 where nothing balances.
-    return found.x, bool(np.max(np.abs(found.fun)) < 1e-9)
-
-
-def rates_of(pressure: float, q: np.ndarray) -> np.ndarray:
-    """Eigenvalues of the motion linearized about an equilibrium, the least stable first [1/s]."""
-    ode = model(UP).compiled("ode_jacobian")
-    F_x = ode(np.concatenate([q, np.zeros(6)]), [pressure], model(UP).theta0).F_x
-    values = np.linalg.eigvals(F_x)
-    return values[np.argsort(-values.real)]
 
 
 @pytest.mark.parametrize(
@@ -213,63 +173,13 @@ def test_where_the_scenes_settle():
     np.testing.assert_allclose(run.q[:, -1], settled, rtol=0, atol=1e-4)
     assert np.max(np.abs(run.qd[:, -1])) < 3e-6
     run = run_of(FORCE, 200.0)
-    np.testing.assert_allclose(run.q[:, -1], EQUILIBRIA[3.82][0], rtol=0, atol=0.005)
+    settled = (1.74, 1.37, -1.33, 1.39, -1.28, 1.57)
+    np.testing.assert_allclose(run.q[:, -1], settled, rtol=0, atol=0.005)
     # Curled through itself: the equilibrium at 12 with two extra turns.
     run = run_of(UP, 200.0)
-    turns = (run.q[:, -1] - EQUILIBRIA[12.0][0]) / (2 * np.pi)
+    unwound = (1.983, 1.117, -0.942, 1.169, -0.587, 1.508)
+    turns = (run.q[:, -1] - unwound) / (2 * np.pi)
     np.testing.assert_allclose(turns, [0, 0, 1, 0, 1, 0], rtol=0, atol=1e-3)
-
-
-@pytest.mark.parametrize("pressure", EQUILIBRIA)
-def test_equilibria_are_stable(pressure):
-    expected, digit = EQUILIBRIA[pressure]
-    q, found = rest(pressure, np.array(expected))
-    assert found
-    np.testing.assert_allclose(q, expected, rtol=0, atol=1.01 * digit)
-    slowest = rates_of(pressure, q)[0]
-    assert -0.065 < slowest.real < -0.045  # "-0.05 to -0.06 1/s"
-
-
-@pytest.mark.parametrize("pressure", [3.82, 5.0, 8.0])
-def test_equilibria_are_returned_to(pressure):
-    """From 0.2 rad off in each angle, both ways, within 200 s."""
-    q, _ = rest(pressure, np.array(EQUILIBRIA[pressure][0]))
-    for push in 0.2 * np.vstack([np.eye(6), -np.eye(6)]):
-        x0 = np.concatenate([q + push, np.zeros(6)])
-        run = dtc.simulate(model(UP), x0, pressure=pressure, t_end=200.0)
-        assert run.success, run.message
-        # The slowest mode leaves 0.2 exp(-0.055 * 200) = 3e-6 of the push.
-        assert np.max(np.abs(run.q[:, -1] - q)) < 1e-4
-
-
-def test_stability_is_lost_by_a_hopf_bifurcation():
-    """A complex pair crosses at a pressure of about 13.8."""
-    q, _ = rest(12.0, np.array(EQUILIBRIA[12.0][0]))
-    branch = [q]
-    for pressure in np.linspace(12.0, 13.7, 18):
-        q, found = rest(pressure, q)
-        assert found and rates_of(pressure, q)[0].real < 0
-        branch.append(q)
-
-    def worst(pressure: float) -> float:
-        return float(rates_of(pressure, rest(pressure, branch[-1])[0])[0].real)
-
-    critical = brentq(worst, 13.7, 13.95)
-    assert critical == pytest.approx(13.8, abs=0.05)
-    pair = rates_of(critical, rest(critical, branch[-1])[0])[:2]
-    assert abs(pair[0].imag) > 0.05
-    assert pair[0] == pytest.approx(np.conj(pair[1]))
-
-
-@pytest.mark.parametrize(("pressure", "stable"), [(13.0, 1), (14.0, 0), (16.0, 0), (30.0, 0)])
-def test_no_stable_equilibrium_at_higher_pressures(rng, pressure, stable):
-    """A search from 200 random poses finds the one stable equilibrium where there is one."""
-    found = set()
-    for guess in rng.uniform(-np.pi, np.pi, (200, 6)):
-        q, good = rest(pressure, guess)
-        if good and rates_of(pressure, q)[0].real < 0:
-            found.add(tuple(np.round(np.exp(1j * q), 6)))  # whole turns are the same pose
-    assert len(found) == stable
 
 
 def check_it_stays_in_its_plane(name: str, method: str) -> None:

@@ -1,6 +1,6 @@
 """Choose between an explicit and a linearly implicit method by measured stiffness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,9 @@ EXPLICIT, IMPLICIT = Package(ONE_STEP["tsit5"]), Package(RODAS4)
 EXPLICIT_REACH = 3.0
 # Steps of a look at what accuracy allows, and the longest stretch without looking.
 LOOK, LONGEST = 12, 1600
+# Beyond this many coordinates a Jacobian takes minutes to compile and as long as hundreds of
+# explicit steps to evaluate and factor: `tsit5` throughout.
+LARGE = 100
 
 
 def cost_ratio(n_q: int) -> float:
@@ -32,21 +35,27 @@ class Auto:
 
     rodas4 takes a few steps; their size, which accuracy sets, is compared with the largest step
     tsit5 could take beside the fastest decay rate (power iteration on F_x). The comparison is
-    repeated every few hundred steps.
+    repeated, at growing intervals. A command that is a function of time goes to SciPy's LSODA.
     """
 
     name: str = "auto"
 
     def prepare(self, model: Model) -> None:
         """Compile both methods."""
-        for method in (EXPLICIT, IMPLICIT):
-            method.prepare(model)
-        model.compiled("ode_jacobian")
+        EXPLICIT.prepare(model)
+        if model.n_q <= LARGE:
+            IMPLICIT.prepare(model)
+            model.compiled("ode_jacobian")
 
     def integrate(self, problem: Problem) -> Trajectory:
         """Run, looking at the stiffness from time to time."""
         if any(isinstance(piece, FunctionPiece) for piece in problem.pieces):
-            return Scipy("LSODA").integrate(problem)
+            found = Scipy("LSODA").integrate(problem)
+            return replace(found, note="LSODA: the pressure is a function of time")
+        if problem.model.n_q > LARGE:
+            found = EXPLICIT.integrate(problem)
+            note = f"tsit5 throughout: more than {LARGE} coordinates"
+            return replace(found, method="auto: tsit5", note=note)
         recorder = Recorder(problem)
         jacobian = problem.model.compiled("ode_jacobian")
         run = Advance(problem, recorder)
@@ -61,6 +70,7 @@ class Auto:
                 failure = run.over(method, piece, piece.t_end, most)
                 if failure and method is EXPLICIT:
                     failure, method, why, most = "", IMPLICIT, "tsit5 failed", LOOK
+                    run.h = None  # the collapsed step is no start for another method
                     continue
                 before = method
                 method, why = self._choice(jacobian, run, method, piece(run.t))
@@ -70,7 +80,7 @@ class Auto:
                     most = LOOK if before is EXPLICIT else min(2 * most, LONGEST)
             if failure:
                 break
-        note = "; ".join(f"{name} from t = {t:.3g} s ({why})" for t, name, why in uses[-4:])
+        note = "; ".join(f"{name} from t = {t:.3g} s ({why})" for t, name, why in uses)
         used = "+".join(dict.fromkeys(name for _, name, _ in uses))
         return recorder.finish(f"auto: {used}", failure, note)
 
@@ -79,11 +89,11 @@ class Auto:
         jacobian: Bound, run: Advance, method: Package, u: np.ndarray
     ) -> tuple[Package, str]:
         """The method for the next steps, and why."""
-        step = run.h or 0.0
+        step, n_q = run.h or 0.0, run.problem.model.n_q
         fastest = _fastest_rate(jacobian, run, u)
         allowed = EXPLICIT_REACH / max(fastest, 1e-300)
         if method is IMPLICIT:
-            stiff = step > cost_ratio(len(run.x) // 2) * allowed
+            stiff = step > cost_ratio(n_q) * allowed
             text = f"accuracy allows steps of {step:.2g} s, explicit stability {allowed:.2g} s"
             return (IMPLICIT if stiff else EXPLICIT), text
         # An explicit step close to its stability limit hides what accuracy would allow: look again.

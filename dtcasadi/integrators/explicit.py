@@ -39,7 +39,7 @@ class Explicit:
         return self._finished(at, slopes)
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
-        """D k_i = J(x_i) (I + h sum a_ij D k_j); always exact."""
+        """Chain rule d k_i = J(x_i) (I + h sum a_ij D k_j); always exact."""
         slopes: list[ca.MX] = []
         by_x: list[ca.MX] = []
         by_w: list[ca.MX] = []

@@ -1,5 +1,6 @@
 """This package's one-step methods as integration methods: the loop, re-centring, failures."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,7 +130,7 @@ class Advance:
         else:
             span = piece.t_end - piece.t_start
             assert problem.step_s is not None
-            h = h_max = span / max(1, round(span / problem.step_s))
+            h = h_max = span / max(1, math.ceil(span / problem.step_s - 1e-9))
         return LoopState(
             t=self.t,
             h=h,

@@ -33,11 +33,6 @@ class Recorder:
         self._thetas[-1:] = [(count - 1, old), (1, theta)]
         self.recentrings.append((float(self._t[-1][-1]), segments))
 
-    @property
-    def accepted(self) -> int:
-        """Accepted steps so far."""
-        return sum(part.shape[0] for part in self._ends)
-
     def finish(self, method: str, failure: str, note: str = "") -> Trajectory:
         """The trajectory so far."""
         t, x = np.concatenate(self._t), np.concatenate(self._x).T

@@ -47,15 +47,21 @@ class Rosenbrock:
     source: str
 
     def __post_init__(self) -> None:
-        """Order conditions up to the order claimed and R(infinity) = 0."""
+        """Order conditions of both solutions and R(infinity) = 0.
+
+        Raises:
+            ValueError: the coefficients do not have the order they claim, or are not L-stable.
+        """
         b, alpha, beta = self.classical()
-        assert np.allclose(_defects(b, alpha, beta)[: (1, 2, 4, 8)[self.order - 1]], 0, atol=1e-9)
-        at_infinity = 1 - b @ np.linalg.solve(beta, np.ones(len(b)))
-        assert abs(at_infinity) < 1e-9, f"{self.name} is not L-stable"
+        solutions = [(b, self.order)]
         if self.error_order:
-            b_hat = b - self.e @ self._gammas()
-            count = (1, 2, 4, 8)[self.error_order - 1]
-            assert np.allclose(_defects(b_hat, alpha, beta)[:count], 0, atol=1e-9), self.name
+            solutions.append((b - self.e @ self._gammas(), self.error_order))
+        for weights, order in solutions:
+            defects = _defects(weights, alpha, beta)[: (1, 2, 4, 8)[order - 1]]
+            if np.max(np.abs(defects)) > 1e-9:
+                raise ValueError(f"{self.name}: the coefficients are not of order {order}")
+        if abs(1 - b @ np.linalg.solve(beta, np.ones(len(b)))) > 1e-9:
+            raise ValueError(f"{self.name}: the coefficients are not L-stable")
 
     def _gammas(self) -> np.ndarray:
         """Gamma = (I/gamma - C)^-1, shape (s, s)."""

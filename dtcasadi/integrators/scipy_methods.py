@@ -4,17 +4,23 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import BDF, DOP853, LSODA, RK23, RK45, OdeSolution, OdeSolver, Radau
 
 from ..model import Model
+from ..recentring import chart_limit
 from .problem import Problem, Trajectory
 
+_SOLVERS = {solver.__name__: solver for solver in (LSODA, Radau, BDF, DOP853, RK45, RK23)}
 _WITH_JACOBIAN = frozenset({"LSODA", "Radau", "BDF"})
+
+
+class _NotFiniteError(Exception):
+    """A solver met numbers it cannot go on with."""
 
 
 @dataclass(frozen=True)
 class Scipy:
-    """One of `scipy.integrate.solve_ivp`'s methods, restarted at each piece of the command."""
+    """One of SciPy's `OdeSolver`s, started again at each piece of the command."""
 
     name: str
 
@@ -32,14 +38,15 @@ class Scipy:
         if self.name in _WITH_JACOBIAN:
             jacobian = problem.model.compiled("ode_jacobian")
             jacobian.inputs.theta[:] = problem.theta
-        times: list[float] = []
-        states: list[np.ndarray] = []
+        times = [problem.pieces[0].t_start]
+        states = [problem.x0]
         interpolants: list = []
-        message = ""
-        evaluations, x = 0, problem.x0
+        message, evaluations = "", 0
         for piece in problem.pieces:
 
             def rate(t: float, x: np.ndarray, piece=piece) -> np.ndarray:
+                if np.isnan(t):  # Runge-Kutta solvers would repeat such a step for ever
+                    raise _NotFiniteError("the state equation gave no finite rate")
                 ode.inputs.x[:], ode.inputs.u[:] = x, piece(t)
                 ode.run()
                 return ode.outputs.xdot.copy()
@@ -47,33 +54,30 @@ class Scipy:
             def slope(t: float, x: np.ndarray, piece=piece) -> np.ndarray:
                 jacobian.inputs.x[:], jacobian.inputs.u[:] = x, piece(t)
                 jacobian.run()
+                if not np.all(np.isfinite(jacobian.outputs.F_x)):
+                    raise _NotFiniteError("the Jacobian was not finite")
                 return jacobian.outputs.F_x
 
-            with warnings.catch_warnings():
-                # LSODA reports its failures as warnings too; they are in the message.
-                warnings.simplefilter("ignore", UserWarning)
-                solution = solve_ivp(
+            solver = None
+            try:
+                solver = _SOLVERS[self.name](
                     rate,
-                    (piece.t_start, piece.t_end),
-                    x,
-                    method=self.name,
+                    piece.t_start,
+                    states[-1],
+                    piece.t_end,
                     rtol=problem.rtol,
                     atol=problem.atol,
-                    dense_output=True,
                     **({"jac": slope} if jacobian is not ode else {}),
                 )
-            good = int(np.sum(np.cumprod(np.isfinite(solution.y).all(axis=0))))
-            first = 1 if times else 0
-            times.extend(solution.t[first:good])
-            states.extend(solution.y.T[first:good])
-            interpolants.extend(solution.sol.interpolants[: max(good - 1, 0)])
-            evaluations += solution.nfev
-            problem.advance(float(times[-1]))
-            if not solution.success or good < len(solution.t):
-                why = solution.message if not solution.success else "the state was not finite"
-                message = f"{why} after t = {times[-1]:.6g} s"
+                while solver.status == "running" and not message:
+                    message = _stepped(solver, times, states, interpolants)
+                    problem.advance(times[-1])
+            except (_NotFiniteError, np.linalg.LinAlgError) as error:
+                message = str(error)
+            evaluations += solver.nfev if solver else 0
+            if message:
+                message = self._failure(problem, message, times[-1], states[-1])
                 break
-            x = states[-1]
         t, x_all = np.array(times), np.array(states).T
         return Trajectory(
             t,
@@ -85,3 +89,28 @@ class Scipy:
             message,
             evaluations=evaluations,
         )
+
+    def _failure(self, problem: Problem, why: str, t: float, x: np.ndarray) -> str:
+        """What failed, when, and where the chart has its part in it."""
+        singular = chart_limit(problem.model, x)
+        hint = f"; {singular}; try chart='cardan' with damping='physical'" if singular else ""
+        return f"{self.name}: {why} after t = {t:.6g} s{hint}"
+
+
+def _stepped(solver: OdeSolver, times: list, states: list, interpolants: list) -> str:
+    """Take one step and keep it when it is good; returns why it failed, or nothing."""
+    with warnings.catch_warnings():
+        # LSODA reports its failures as warnings too; they are in the message.
+        warnings.simplefilter("ignore", UserWarning)
+        why = solver.step()
+    if solver.status == "failed":
+        return why or "the solver stopped"
+    if not np.all(np.isfinite(solver.y)):
+        return "the state was not finite"
+    times.append(float(solver.t))
+    states.append(solver.y.copy())
+    interpolants.append(solver.dense_output())
+    # As in the package's own loop; SciPy compares with the spacing of numbers at t, none at zero.
+    if solver.status == "running" and solver.step_size < 1e-14 * solver.t_bound:
+        return "the step became too small for the tolerances"
+    return ""

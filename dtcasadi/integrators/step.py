@@ -125,6 +125,15 @@ def butcher_stability(a: np.ndarray, b: np.ndarray, z: np.ndarray) -> np.ndarray
     )
 
 
+def quadrature_defect(a: np.ndarray, b: np.ndarray, order: int) -> float:
+    """Largest defect of b^T c^(k-1) = 1/k, k <= order, and of b^T A c = 1/6 from order 3 on."""
+    c = a.sum(axis=1)
+    defects = [b @ c ** (k - 1) - 1 / k for k in range(1, order + 1)]
+    if order >= 3:
+        defects.append(b @ a @ c - 1 / 6)
+    return float(np.max(np.abs(defects)))
+
+
 def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
     """F_x of the state equation, and its derivative for the columns [u, theta], at the start."""
     q, v, z = ca.vertsplit(at.x, plant.sizes)

@@ -31,23 +31,52 @@ class Tableau:
     error_order: int = 0
 
     def __post_init__(self) -> None:
-        """Sum conditions of order 1 to 3 and the shape; a mistyped number cannot be imported."""
-        a, b = np.asarray(self.a, dtype=float), np.asarray(self.b, dtype=float)
-        s = len(b)
-        assert a.shape == (s, s) and np.all(np.triu(a) == 0), self.name
-        c = a.sum(axis=1)
-        conditions = [b.sum() - 1, b @ c - 1 / 2, b @ c**2 - 1 / 3, b @ a @ c - 1 / 6]
-        count = {1: 1, 2: 2}.get(self.order, 4)
-        assert np.allclose(conditions[:count], 0, atol=1e-12), self.name
+        """Order conditions of both solutions; a mistyped number cannot be imported.
+
+        Raises:
+            ValueError: the coefficients do not have the order they claim.
+        """
+        a, b = np.array(self.a, dtype=float), np.array(self.b, dtype=float)
+        if a.shape != (len(b), len(b)) or np.any(np.triu(a) != 0):
+            raise ValueError(f"{self.name}: expected a strictly lower triangular matrix")
+        solutions = [(b, self.order)]
         if self.b_error is not None:
-            assert abs(np.sum(self.b_error)) < 1e-12, self.name
-        object.__setattr__(self, "a", a)
-        object.__setattr__(self, "b", b)
+            solutions.append((b - np.asarray(self.b_error), self.error_order))
+        for weights, order in solutions:
+            if np.max(np.abs(_order_defects(a, weights, order))) > 1e-11:
+                raise ValueError(f"{self.name}: the coefficients are not of order {order}")
+        for name, value in (("a", a), ("b", b)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
 
     @property
     def c(self) -> np.ndarray:
         """Stage times in units of the step, shape (s,)."""
         return self.a.sum(axis=1)
+
+
+def _order_defects(a: np.ndarray, b: np.ndarray, order: int) -> np.ndarray:
+    """The 17 conditions up to order 5 (Hairer, Norsett, Wanner, table II.2.1), up to `order`."""
+    c = a.sum(axis=1)
+    ac, ac2, aac = a @ c, a @ c**2, a @ a @ c
+    by_order = (
+        [b.sum() - 1],
+        [b @ c - 1 / 2],
+        [b @ c**2 - 1 / 3, b @ ac - 1 / 6],
+        [b @ c**3 - 1 / 4, b @ (c * ac) - 1 / 8, b @ ac2 - 1 / 12, b @ aac - 1 / 24],
+        [
+            b @ c**4 - 1 / 5,
+            b @ (c**2 * ac) - 1 / 10,
+            b @ (c * ac2) - 1 / 15,
+            b @ (c * aac) - 1 / 30,
+            b @ ac**2 - 1 / 20,
+            b @ a @ c**3 - 1 / 20,
+            b @ a @ (c * ac) - 1 / 40,
+            b @ a @ ac2 - 1 / 60,
+            b @ a @ aac - 1 / 120,
+        ],
+    )
+    return np.array([defect for defects in by_order[:order] for defect in defects])
 
 
 def lower(*rows: list[float]) -> np.ndarray:
