@@ -310,8 +310,11 @@ def build(
             raise ModelError(f"wrenches: expected discs from 2 to {robot.n_discs}, got {disc!r}")
     if len(set(discs)) != len(discs):
         raise ModelError(f"wrenches: expected each disc once, got {discs}")
+    charts = charts_of(chart, robot.n_discs - 1)
+    if not any(each.words.n_q for each in charts):
+        raise ModelError("chart: expected at least one segment that moves, got rigid for all")
     options = Options(
-        charts=charts_of(chart, robot.n_discs - 1),
+        charts=charts,
         velocity_terms=velocity_terms,
         damping=damping,
         inflation=inflation,

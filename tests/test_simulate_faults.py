@@ -8,7 +8,7 @@ import pytest
 from moving import pendulum, seed, seed_x0
 
 import dtcasadi as dtc
-from dtcasadi.errors import SimulationError
+from dtcasadi.errors import ModelError, SimulationError
 from dtcasadi.integrators import METHODS
 
 
@@ -119,3 +119,17 @@ def test_what_to_simulate(subject):
 def test_a_robot_is_not_yet_a_model():
     with pytest.raises(SimulationError, match=r"expected a Scene or a Model, got Robot\("):
         dtc.simulate(seed().robot)
+
+
+def test_a_run_that_would_fill_the_memory_stops(monkeypatch):
+    """With a sentence, and its states so far."""
+    monkeypatch.setattr("dtcasadi.integrators.package.MOST_NUMBERS", 10**5)
+    run = dtc.simulate(seed(), seed_x0(), pressure=12.0, t_end=10.0, method="rk4", step_s=5e-4)
+    assert not run.success and "would fill the memory" in run.message
+    assert 0 < run.t[-1] < 10.0 and np.all(np.isfinite(run.x))
+
+
+def test_a_robot_that_cannot_move_is_refused():
+    robot = seed().robot
+    with pytest.raises(ModelError, match="at least one segment that moves"):
+        dtc.build(robot, chart="rigid")

@@ -20,6 +20,8 @@ from .steppers import plant_of, step_function
 CHUNK = 4096
 # A last Newton correction above this share of the stages is a failed step.
 SLACK_MAX = 1e-6
+# Numbers a run may store (0.8 GB): a run that needs more is not going to end.
+MOST_NUMBERS = 10**8
 _WHY = {
     Stop.TOO_SMALL: "the step became too small for the tolerances",
     Stop.NOT_FINITE: "the step gave a state that is not finite",
@@ -119,6 +121,11 @@ class Advance:
                 return ""
             elif why is not Stop.FULL:
                 return self._failure(method.name, why, state.h)
+            elif self.recorder.size > MOST_NUMBERS:
+                return (
+                    f"{method.name}: stopped after t = {self.t:.6g} s: steps of {state.h:.2g} s "
+                    "would fill the memory; try a shorter run, looser tolerances or softer forces"
+                )
 
     def _state(self, method: Package, piece: Piece, t_end: float) -> LoopState:
         problem = self.problem

@@ -15,6 +15,7 @@ class Recorder:
         self._x = [problem.x0[np.newaxis]]
         self._ends: list[np.ndarray] = []
         self._thetas = [(1, problem.theta)]  # counts of samples
+        self.size = 0
         self.recentrings: list[tuple[float, tuple[int, ...]]] = []
         self.rejected = 0
         self.evaluations = 0
@@ -24,6 +25,7 @@ class Recorder:
         self._t.append(t.copy())
         self._x.append(x.copy())
         self._ends.append(x.copy())
+        self.size += 2 * x.size
         self._thetas.append((len(t), theta))
 
     def replace_last(self, x: np.ndarray, theta: np.ndarray, segments: tuple[int, ...]) -> None:
