@@ -141,10 +141,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     shown = moving or kinds
     columns = 1 if len(shown) == 1 else 2
     lines = math.ceil(len(shown) / columns)
-    figure = new_figure(WIDTH_IN, 0.9 + 2.5 * max(lines, 1), layout="constrained")
-    if not shown:  # a chain of rigid links
-        figure.text(0.5, 0.5, "no coordinates", ha="center", va="center")
-        return finished(figure, path)
+    figure = new_figure(WIDTH_IN, 0.9 + 2.5 * lines, layout="constrained")
     n_segments = run.model.n_discs - 1
     colours = line_colours(n_segments)
     axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
