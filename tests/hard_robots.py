@@ -1,6 +1,7 @@
 """Robots and motions that are hard to integrate, in SI units, for `test_hard_scenes`."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -95,55 +96,47 @@ def spinning() -> Hard:
 
 
 def pre_curved() -> Hard:
-    """A coil: rest bends of 50 degrees out of one plane and springs at rest there, held straight.
+    """A coil: rest bends of 50 degrees and twists of 20, springs without force there.
 
-    Let go from straight, it snaps back into its coil.
+    Held straight and let go, it snaps back.
     """
     n, radius = 6, 0.05
-    bend = Rotation.from_rotvec(np.radians(50) * np.array([0.8, 0.6, 0.0])).as_matrix()
-    twist = Rotation.from_rotvec([0.0, 0.0, np.radians(20)]).as_matrix()
+    A = Rotation.from_rotvec(np.radians(50) * np.array([0.8, 0.6, 0.0]))
+    B = Rotation.from_rotvec([0.0, 0.0, np.radians(20)])
     robot = Robot(
         (Disc.solid(0.05, radius),) * n,
-        (Thread(0.1, bend=bend, twist=twist),) * (n - 1),
+        (Thread(0.1, bend=A.as_matrix(), twist=B.as_matrix()),) * (n - 1),
         tube_springs(n, radius, 400.0, 150.0, 0.3, posts=6),
         damping=Damping(c_a=2e-3, c_b=2e-3, c_w=2e-3),
         up=np.array([0.0, 0.0, -1.0]),
     )
-    straight = dtc.build(robot)
-    A, B = bend, twist
-    thread = Rotation.from_matrix(A.T).as_euler("XYZ")
-    # R_thread turns A back but for a spin about z, which the disc's angles take along with B.
-    R_thread = Rotation.from_euler("XY", _direction(A.T @ [0.0, 0.0, 1.0])).as_matrix()
-    disc = Rotation.from_matrix((A @ R_thread @ B).T).as_euler("XYZ")
-    assert len(thread) == 3
-    x0 = np.zeros(straight.n_x)
-    for i in range(n - 1):
-        x0[5 * i : 5 * i + 2] = _direction(A.T @ [0.0, 0.0, 1.0])
-        x0[5 * i + 2 : 5 * i + 5] = disc
-    return Hard(straight, x0, 0.0, 3.0)
+    model = dtc.build(robot)
+    # A R_thread z = z, and the disc's angles undo the rest: A R_thread B R_disc = 1.
+    x, y, z = A.inv().apply([0.0, 0.0, 1.0])
+    thread = np.array([np.arctan2(-y, z), np.arcsin(x)])
+    disc = (A * Rotation.from_euler("XY", thread) * B).inv().as_euler("XYZ")
+    q = np.tile(np.concatenate([thread, disc]), n - 1)
+    return Hard(model, np.concatenate([q, 0 * q]), 0.0, 3.0)
 
 
-def _direction(t: np.ndarray) -> np.ndarray:
-    """Angles a, b of Rx(a) Ry(b) z = t."""
-    return np.array([np.arctan2(-t[1], t[2]), np.arcsin(t[0])])
+FOLD = 0.8
 
 
 def folding() -> Hard:
-    """One disc that folds back until a spring's ends meet: its direction jumps at length zero.
+    """A link that swings through the point where a pressed spring has length zero.
 
-    Thread 1, spring from (0, 1, 0) on the root to (0, 1, 0) on the disc: at psi = -beta the disc is
-    parallel to the root, and the ends meet where the thread lies along the root too.
+    The spring's end goes round a circle of the thread's length, and its start lies on it, at
+    beta = 0.8: there the force of k rest_length = 50 N turns to its opposite, again and again.
     """
-    disc = Disc(1.0, np.diag([0.05, 0.05, 0.1]), centre_of_mass=np.array([0.0, 0.3, 0.0]))
-    spring = Spring((1, 2), np.array([0.0, 1.0, 0.0]), np.zeros(3), 30.0, rest_length=0.0)
-    stiff = Spring((1, 2), np.array([0.0, 1.0, 0.0]), np.zeros(3), 200.0, rest_length=0.5)
-    robot = Robot((disc,) * 2, (Thread(1.0),), (spring, stiff), damping=Damping(0.05, 0.05))
-    model = dtc.build(robot, chart="planar")
-    return Hard(model, np.array([0.5, 0.2, 0.0, 0.0]), 0.0, 5.0)
+    disc = Disc(1.0, np.diag([0.05, 0.05, 0.1]), centre_of_mass=np.array([0.0, 0.0, 0.3]))
+    start = np.array([0.0, -np.sin(FOLD), np.cos(FOLD)])
+    spring = Spring((1, 2), start, np.zeros(3), 100.0, rest_length=0.5)
+    robot = Robot((disc,) * 2, (Thread(1.0),), (spring,), gravity=0.0)
+    return Hard(dtc.build(robot, chart="hinge"), np.array([0.0, 5.0]), 0.0, 5.0)
 
 
 def many() -> Hard:
-    """64 discs of the paper's kind on threads of 0.2 m, hanging under gravity, in the plane."""
+    """3 m of 64 plates on threads of 5 cm, let fall from straight and blown up, in the plane."""
     n, radius = 64, 0.1
     points = [rim(radius, angle) for angle in (np.pi / 2, np.pi, 3 * np.pi / 2)]
     springs = [Spring((i, i + 1), p, p, 500.0, damping=1.0) for i in range(1, n) for p in points]
@@ -159,7 +152,7 @@ def many() -> Hard:
     return Hard(model, 0.01 * np.sin(np.arange(model.n_x)), 200.0, 1.0)
 
 
-HARD: dict[str, Any] = {
+HARD: dict[str, Callable[[], Hard]] = {
     "silicone": silicone,
     "large": large,
     "spinning": spinning,
