@@ -54,7 +54,7 @@ def silicone() -> Hard:
     segment of 2 mm. Pressed with 20 kPa from a bent, twisted pose.
     """
     n, radius, length = 16, 5e-3, 2e-3
-    springs = tube_springs(n, radius, 1500.0, 500.0, 0.05)
+    springs = tube_springs(n, radius, 1500.0, 500.0, 5.0)
     robot = Robot(
         (Disc.hoop(2e-3, radius),) * n,
         (Thread(length),) * (n - 1),
@@ -65,7 +65,7 @@ def silicone() -> Hard:
     model = dtc.build(robot)
     x0 = np.zeros(model.n_x)
     x0[0 : model.n_q : 5], x0[4 : model.n_q : 5] = 0.05, 0.02
-    return Hard(model, x0, 2e4, 0.1)
+    return Hard(model, x0, 2e4, 0.3)
 
 
 def large() -> Hard:
