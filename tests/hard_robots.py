@@ -97,19 +97,19 @@ def spinning() -> Hard:
 
 
 def pre_curved() -> Hard:
-    """A coil: rest bends of 50 degrees and twists of 20, springs without force there.
+    """A coil: rest bends of 30 degrees and twists of 10, springs without force there.
 
     Held straight and let go, it snaps back.
     """
     n, radius = 6, 0.05
-    A = Rotation.from_rotvec(np.radians(50) * np.array([0.8, 0.6, 0.0]))
-    B = Rotation.from_rotvec([0.0, 0.0, np.radians(20)])
+    A = Rotation.from_rotvec(np.radians(30) * np.array([0.8, 0.6, 0.0]))
+    B = Rotation.from_rotvec([0.0, 0.0, np.radians(10)])
     robot = Robot(
         (Disc.solid(0.05, radius),) * n,
         (Thread(0.1, bend=A.as_matrix(), twist=B.as_matrix()),) * (n - 1),
-        tube_springs(n, radius, 400.0, 150.0, 0.3, posts=6),
+        tube_springs(n, radius, 400.0, 150.0, 0.5, posts=6),
         damping=Damping(c_a=2e-3, c_b=2e-3, c_w=2e-3),
-        up=np.array([0.0, 0.0, -1.0]),
+        gravity=0.0,
     )
     model = dtc.build(robot)
     # A R_thread z = z, and the disc's angles undo the rest: A R_thread B R_disc = 1.
