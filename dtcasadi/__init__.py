@@ -2,6 +2,7 @@
 
 from .actuators import Direct, Regulator
 from .charts import convert
+from .codegen import export_c
 from .discrete import DiscreteModel
 from .model import Model, build
 from .profile import Profile
@@ -26,6 +27,7 @@ __all__ = [
     "Thread",
     "build",
     "convert",
+    "export_c",
     "load_scene",
     "scene_names",
     "simulate",

@@ -65,6 +65,10 @@ class DiscreteModel:
         function = self._model.once(key, lambda: twin(getattr(self, name), source=source))
         return Bound(function, matrices=("F_x", "F_u", "F_theta")[: 3 * (name == "linearize")])
 
+    def native(self, name: str) -> ca.Function:
+        """`step` or `linearize` with hand-written C kernels inside, for code generation only."""
+        return self._sources[name]
+
     def recentre(
         self, x: np.ndarray, theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,11 +17,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from .charts import Chart, charts_of, convert_segment
 from .errors import ChartError, ModelError
-from .kernels.recentring import FRAMES, absorbed, chart_change
+from .kernels.recentring import FRAMES, absorbed, chart_change, recentred
 
 if TYPE_CHECKING:
     from .model import Model
@@ -128,6 +129,29 @@ def recentre(
         x[q], x[qd] = 0.0, D @ x[qd]
         T[q, q], T[qd, qd], T[qd, q] = D, D, cross
     return x, theta, T
+
+
+def recentre_function(model: Model) -> ca.Function:
+    """`recentre` as one graph, for programs without Python.
+
+    Returns:
+        x, theta -> x_next, theta_next, recentred (the number of segments that moved), D and cross,
+        shape (5, 5 m): a 5 x 5 block for each of the m segments of `model.centres`, the D and
+        d(D qd)/dq of `recentre`. T holds [[D, 0], [cross, D]] in the rows of a segment's (q, qd).
+    """
+    x, theta = ca.MX.sym("x", model.n_x), ca.MX.sym("theta", len(model.theta0))
+    x_next, theta_next, count = ca.MX(x), ca.MX(theta), ca.MX(0)
+    D, cross = [ca.MX(5, 0)], [ca.MX(5, 0)]
+    for place in model.centres:
+        q, rates = place.q, slice(place.q.start + model.n_q, place.q.stop + model.n_q)
+        values = recentred(LIMIT)(x[q], x[rates], theta[place.frames])
+        x_next[q], x_next[rates], theta_next[place.frames] = values[:3]
+        D.append(values[3])
+        cross.append(values[4])
+        count = count + values[5]
+    outputs = {"x_next": x_next, "theta_next": theta_next, "recentred": count}
+    outputs |= {"D": ca.horzcat(*D), "cross": ca.horzcat(*cross)}
+    return ca.Function("recentre", [x, theta], list(outputs.values()), ["x", "theta"], [*outputs])
 
 
 def momentum_map(model: Model, T: np.ndarray) -> np.ndarray:

@@ -56,6 +56,34 @@ def chart_change() -> ca.Function:
     return ca.Function("chart_change", [q, qd, frames, frames_new], outputs, *names, {"cse": True})
 
 
+@cache
+def recentred(limit: float) -> ca.Function:
+    """Re-centring of one segment where its angles ask for it, as one graph.
+
+    Args:
+        limit: of the second thread angle and the middle disc angle [rad].
+
+    Returns:
+        (q, qd, frames) -> q_new, qd_new, frames_new, D, cross, off; off is 1 where an angle had
+        left the limit and 0 elsewhere, where D is the identity, cross zero and the rest unchanged.
+    """
+    q, qd, frames = ca.SX.sym("q", 5), ca.SX.sym("qd", 5), ca.SX.sym("frames", FRAMES)
+    off = ca.fmax(ca.fabs(q[1]), ca.fabs(q[3])) > limit
+    frames_new = absorbed()(q, frames)
+    _, D, cross = chart_change()(q, qd, frames, frames_new)
+    values = {
+        "q_new": ca.if_else(off, 0, q),
+        "qd_new": ca.if_else(off, D @ qd, qd),
+        "frames_new": ca.if_else(off, frames_new, frames),
+        "D": ca.if_else(off, D, ca.SX.eye(5)),
+        "cross": ca.if_else(off, cross, 0),
+        "off": off,
+    }
+    outputs = [ca.densify(value) for value in values.values()]
+    names = ["q", "qd", "frames"], list(values)
+    return ca.Function("recentred", [q, qd, frames], outputs, *names, {"cse": True})
+
+
 def _rotations(frames: ca.SX) -> tuple[ca.SX, ca.SX]:
     """A and B, shape (3, 3), from their 18 numbers."""
     return ca.reshape(frames[:9], 3, 3), ca.reshape(frames[9:], 3, 3)
