@@ -10,6 +10,7 @@ from .result import Run
 from .robot import Chamber, Damping, Disc, Robot, Spring, Thread
 from .scene import Scene, load_scene, scene_names
 from .simulate import simulate
+from .statics import Equilibrium, equilibrium
 
 __all__ = [
     "Chamber",
@@ -17,6 +18,7 @@ __all__ = [
     "Direct",
     "Disc",
     "DiscreteModel",
+    "Equilibrium",
     "Model",
     "Profile",
     "Regulator",
@@ -27,6 +29,7 @@ __all__ = [
     "Thread",
     "build",
     "convert",
+    "equilibrium",
     "export_c",
     "load_scene",
     "scene_names",

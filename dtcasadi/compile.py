@@ -134,22 +134,21 @@ def compile_functions(
 
 
 def load_library(
-    function: ca.Function, source: str, constants: Mapping[str, int], macro: str
+    functions: Mapping[str, ca.Function], source: str, constants: Mapping[str, int]
 ) -> ctypes.CDLL | None:
-    """Hand-written C compiled in one library with the Function it calls.
+    """Hand-written C compiled in one library with the Functions it calls.
 
     Args:
-        function: the Function; the C text calls it by `macro`.
+        functions: macro by which the C text calls a Function -> the Function.
         source: C text appended to the generated code.
         constants: integers the text names as macros.
-        macro: the macro that stands for the generated symbol.
 
     Returns:
         The library, or None where no working compiler is found (said once per process).
     """
     lines = [f"#define {name} {value}" for name, value in constants.items()]
-    lines.append(f"#define {macro} {_PREFIX}{function.name()}")
-    text = "\n".join([c_source([function]), *lines, source])
+    lines += [f"#define {macro} {_PREFIX}{f.name()}" for macro, f in functions.items()]
+    text = "\n".join([c_source(list(functions.values())), *lines, source])
     try:
         return ctypes.CDLL(str(_library(text, DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
     except (CompileError, OSError) as error:

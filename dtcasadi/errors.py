@@ -56,3 +56,7 @@ class CompileError(DtcasadiError, RuntimeError):
 
 class SimulationError(DtcasadiError, ValueError):
     """A simulation was asked for with arguments that cannot be run."""
+
+
+class StaticsError(DtcasadiError, ValueError):
+    """Statics was asked for what cannot be computed, or a result for what it does not have."""

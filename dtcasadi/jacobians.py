@@ -117,6 +117,16 @@ def inverse_dynamics_jacobian(g: Graphs) -> ca.Function:
     )
 
 
+def linear_form(g: Graphs) -> ca.Function:
+    """Small motion about rest, M qdd + D qd + K (q - q0) = 0: M, D, K (q, pressure, theta)."""
+    q, pressure, theta = (g.top(port) for port in ("q", "pressure", "theta"))
+    still = type(q)(q.shape[0], 1)
+    M, dq, dqd, _ = _rigid_part(g)(q, still, still, pressure, theta)
+    pair_q, pair_qd = _pair_part(g)(q, still, theta)
+    ports = ("q", "pressure", "theta")
+    return g.top_function("linear_form", ports, M=M, D=dqd + pair_qd, K=dq + pair_q)
+
+
 def forward_dynamics_jacobian(g: Graphs) -> ca.Function:
     """Forward dynamics with its derivatives."""
     ports = ("q", "qd", "pressure", "tau", "theta")

@@ -106,7 +106,7 @@ def build_loop(step: ca.Function, fallback: ca.Function) -> Loop:
     """Compile the loop around a step; without a compiler, its twin around `fallback`."""
     source = (files("dtcasadi") / "native" / "adaptive.c").read_text(encoding="utf-8")
     n_x, n_u = step.size1_in("x"), step.size1_in("u")
-    library = load_library(step, source, {"N": n_x, "NU": n_u}, "STEP")
+    library = load_library({"STEP": step}, source, {"N": n_x, "NU": n_u})
     return Loop(fallback if library is None else step, library)
 
 
