@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from .common import Parser, Report, guarded, version_of
+from ..versions import version_of
+from .common import Parser, Report, guarded
 
 COMMANDS = {
     "demo": "simulate the paper's four-disc robot, draw it and say what happened",

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import Report, version_of
+from ..versions import version_of
+from .common import Report
 
 if TYPE_CHECKING:
     from ..compiler import Compiler, Target

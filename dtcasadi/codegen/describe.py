@@ -14,7 +14,7 @@ from ..profile import Profile
 from ..recentring import recentre_function
 from ..scene import Scene
 from .description import Export, Exposed, Label, Motion, exposed
-from .names import checked, different
+from .names import checked_export, different
 
 if TYPE_CHECKING:
     from ..discrete import DiscreteModel
@@ -72,8 +72,7 @@ def described(
     scene = given if isinstance(given, Scene) else None
     if scene is not None and name is None:
         name = scene.name
-    checked(name, "name")
-    assert name is not None
+    name = checked_export(name)
     if isinstance(given, Mapping):
         if functions or method is not None or step_s is not None:
             raise ModelError("functions, method, step_s: expected a model or a scene with them")

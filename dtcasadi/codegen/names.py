@@ -32,7 +32,17 @@ _MATH = """
     trunc y0 y1 yn abs div exit labs memcpy memmove memset null errno infinity
 """
 _CASADI = "casadi casadi_int casadi_real jac adj fwd hess grad mem arg res iw w"
+# What files and build targets of that name would get in the way of.
+_HEADERS = """
+    algorithm array assert atomic bit bitset cassert cmath complex ctype deque errno fenv float
+    functional inttypes iso646 limits list locale map math memory numeric optional queue random
+    ratio set setjmp signal span stack stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib
+    stdnoreturn string strings tgmath thread threads time tuple uchar utility valarray variant
+    vector version wchar wctype
+"""
+_TARGETS = "all any aux clean con depend dist example help install nul package prn run test"
 _RESERVED = frozenset(f"{_KEYWORDS} {_CASADI}".split())
+_FILES = frozenset(f"{_HEADERS} {_TARGETS}".split())
 _MATH_NAMES = frozenset(_MATH.split())
 # Each name of math.h has twins for float and long double.
 _MATH_TWINS = _MATH_NAMES | {name + end for name in _MATH_NAMES for end in "fl"}
@@ -56,6 +66,19 @@ def checked(name: object, what: str) -> str:
     if name in _RESERVED or name in _MATH_TWINS:
         raise ModelError(f"{what}: expected no word of C, C++, math.h or CasADi, got {name!r}")
     return name
+
+
+def checked_export(name: object) -> str:
+    """The name of an export: as `checked`, and free as a file and a build target.
+
+    Raises:
+        ModelError: it is not.
+    """
+    found = checked(name, "name")
+    if found in _FILES:
+        expected = "no name of a standard header or a target of make"
+        raise ModelError(f"name: expected {expected}, got {found!r}")
+    return found
 
 
 def checked_port(name: str, what: str) -> str:

@@ -1,0 +1,153 @@
+"""What surrounds the C: example, build files and README."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from .description import Export, Exposed, Motion, Settings
+from .texts import comment, filled, number, wrapped
+
+if TYPE_CHECKING:
+    from .c import WorkSize
+
+_LINES_SHOWN = 20
+
+
+def texts(
+    export: Export,
+    settings: Settings,
+    sizes: Mapping[str, "WorkSize"],
+    fields: Mapping[str, object],
+) -> dict[str, str]:
+    """The files around the functions, by name."""
+    simulates = export.motion is not None and all(map(export.get, ("step", "poses")))
+    example = _simulation(export, settings, fields) if simulates else _call(export, fields)
+    return {
+        "main.c": example,
+        "CMakeLists.txt": filled("CMakeLists.txt", **fields, beside=""),
+        "Makefile": filled("Makefile", **fields, beside="", all=""),
+        "README.md": _readme(export, settings, sizes, fields, simulates),
+    }
+
+
+def _simulation(export: Export, settings: Settings, fields: Mapping[str, object]) -> str:
+    """The example that moves the robot."""
+    motion = export.motion
+    assert motion is not None and export.theta0 is not None
+    name = export.name
+    steps = max(1, round(motion.t_end / motion.step_s))
+    breaks, values, slopes = _command(motion)
+    recentre = export.get("recentre") is not None
+    moved = [
+        f'    if (failed("recentre", t, {name}_recentre(&work, sizeof work, x, theta, next,',
+        "                                              theta_next, &recentred, NULL, NULL)))",
+        "      return 1;",
+        "    memcpy(x, next, sizeof x);",
+        "    memcpy(theta, theta_next, sizeof theta);",
+    ]
+    n_theta = max(1, len(export.theta0))
+    return filled(
+        "main.c",
+        **fields,
+        steps=steps,
+        shown=max(1, steps // _LINES_SHOWN),
+        breaks=len(breaks),
+        commands=values.shape[1],
+        initial=wrapped(number(value, single=settings.single) for value in motion.x0),
+        break_s=wrapped(map(number, breaks)),
+        value=_rows(values),
+        slope=_rows(slopes),
+        centre=", ".join(number(value, single=settings.single) for value in motion.centre),
+        n_theta=n_theta,
+        declare=f"  {name}_real theta_next[{n_theta}], recentred;" if recentre else "",
+        recentre="\n".join(moved) if recentre else "",
+    )
+
+
+def _command(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Breaks, values and slopes of the command; with a column of zeros where there is none."""
+    pieces = motion.command.pieces(0.0, motion.t_end)
+    breaks = np.array([piece.t_start for piece in pieces])
+    parts = [np.array([getattr(piece, key) for piece in pieces]) for key in ("start", "slope")]
+    values, slopes = (part if part.shape[1] else np.zeros((len(pieces), 1)) for part in parts)
+    return breaks, values, slopes
+
+
+def _rows(values: np.ndarray) -> str:
+    return ",\n".join(f"    {{{', '.join(map(number, row))}}}" for row in values)
+
+
+def _call(export: Export, fields: Mapping[str, object]) -> str:
+    """The example that calls the first function once."""
+    from .c import visible
+
+    function, name = export.functions[0], export.name
+    arrays, fill, show, names = [], [], [], []
+    for port in function.inputs:
+        known = port.name == "theta" and export.theta0 is not None
+        names.append(f"{name}_theta0" if known else f"{port.name}_in")
+        if not known:
+            arrays.append(f"  {name}_real {port.name}_in[{max(1, port.size)}];")
+            value = f"({name}_real)0.1"
+            fill.append(f"  for (i = 0; i < {max(1, port.size)}; ++i) {port.name}_in[i] = {value};")
+    for port in visible(function):
+        names.append(f"{port.name}_out")
+        arrays.append(f"  {name}_real {port.name}_out[{max(1, port.size)}];")
+        show.append(f'  show("{port.name}", {port.name}_out, {port.size});')
+    return filled(
+        "call.c",
+        **fields,
+        arrays="\n".join(arrays),
+        fill="\n".join(fill) or "  i = 0;\n  (void)i;",
+        arguments="".join(f", {each}" for each in names),
+        show="\n".join(show),
+    )
+
+
+def _readme(
+    export: Export,
+    settings: Settings,
+    sizes: Mapping[str, "WorkSize"],
+    fields: Mapping[str, object],
+    simulates: bool,
+) -> str:
+    facts = "".join(f"- {comment(fact)}\n" for fact in export.facts)
+    blocks = [
+        f"`theta` holds the free parameters; `{export.name}_theta0` are the robot's own.",
+        *(
+            f"- `{comment(block)}`: entries {place.start} to {place.stop - 1}"
+            for block, place in export.theta_blocks.items()
+        ),
+    ]
+    return filled(
+        "README.md",
+        **{**fields, "graph": export.graph},
+        casadi=ca.CasadiMeta.version(),
+        facts=f"{facts}\n" if facts else "",
+        example="simulates the robot and prints its tip" if simulates else "one call",
+        functions="\n".join(_row(each, sizes[each.name], settings) for each in export.functions),
+        blocks="\n".join(["", *blocks, ""]) if export.theta_blocks else "",
+        beside="",
+        note="",
+        single="",
+    )
+
+
+def _row(function: Exposed, size: "WorkSize", settings: Settings) -> str:
+    from .c import visible
+
+    def listed(ports) -> str:  # noqa: ANN001
+        shapes = (
+            f"{port.name} ({port.rows}{f' x {port.columns}' if port.columns != 1 else ''})"
+            for port in ports
+        )
+        return ", ".join(shapes)
+
+    real, integer = (4, 4) if settings.single else (8, 8)
+    arrays = [max(1, n) for n in size]
+    total = 8 * (arrays[0] + arrays[1]) + integer * arrays[2] + real * arrays[3]
+    return (
+        f"| `{function.name}` | {listed(function.inputs)} | {listed(visible(function))} | {total} |"
+    )
