@@ -13,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,6 +100,14 @@ def find_compiler() -> Compiler | None:
     return None
 
 
+def compiler_named(words: str) -> Compiler | None:
+    """The compiler a command line names, such as `arm-none-eabi-gcc`; None if it does not answer.
+
+    The answer is remembered for each PATH.
+    """
+    return _identify(words, os.environ.get("PATH", os.defpath))
+
+
 def require_compiler() -> Compiler:
     """The compiler of `find_compiler`.
 
@@ -131,12 +140,28 @@ def build_library(
     """
     source_file = library.with_suffix(".c")
     source_file.write_text(source, encoding="utf-8")
-    command = [*compiler.command, *target.flags, "-o", library.name, source_file.name, "-lm"]
-    code, text = _run(command, timeout_s, folder=library.parent)
+    build_files(compiler, target.flags, [source_file.name], library, timeout_s)
+
+
+def build_files(
+    compiler: Compiler,
+    flags: Sequence[str],
+    sources: Sequence[str],
+    output: Path,
+    timeout_s: float,
+) -> None:
+    """Compile and link C files; scratch files go beside the output, from where the paths count.
+
+    Raises:
+        CompileError: the compiler reports an error, is stopped or cannot be run.
+        OSError: the folder is full or not writable.
+    """
+    command = [*compiler.command, *flags, "-o", output.name, *sources, "-lm"]
+    code, text = run_command(command, timeout_s, folder=output.parent)
     if "No space left on device" in text:
-        raise OSError(errno.ENOSPC, "No space left on device", str(library.parent))
-    if code != 0 or not library.is_file():
-        raise CompileError(_failure(command, code, text))
+        raise OSError(errno.ENOSPC, "No space left on device", str(output.parent))
+    if code != 0 or not output.is_file():
+        raise CompileError(failure_text(command, code, text))
 
 
 @functools.cache
@@ -148,12 +173,12 @@ def target_of(compiler: Compiler, flags: tuple[str, ...]) -> Target:
     """
     command = [*compiler.command, *flags, "-E", "-dM", "-x", "c", "-"]
     # math.h brings in the C library's version and shows that its headers are there.
-    code, text = _run(command, _PROBE_TIMEOUT_S, stdin="#include <math.h>\n")
+    code, text = run_command(command, _PROBE_TIMEOUT_S, stdin="#include <math.h>\n")
     if code == 0:
         return Target(flags, hashlib.sha256(text.encode()).hexdigest())
     if _NATIVE in flags:
         return target_of(compiler, tuple(flag for flag in flags if flag != _NATIVE))
-    raise CompileError(_failure(command, code, text))
+    raise CompileError(failure_text(command, code, text))
 
 
 @functools.cache
@@ -167,7 +192,7 @@ def _identify(words: str, search_path: str) -> Compiler | None:
     if path is None:
         return None
     try:
-        code, text = _run([path, *arguments, "--version"], _PROBE_TIMEOUT_S)
+        code, text = run_command([path, *arguments, "--version"], _PROBE_TIMEOUT_S)
     except CompileError:
         return None
     if code != 0 or not text.strip():
@@ -175,10 +200,14 @@ def _identify(words: str, search_path: str) -> Compiler | None:
     return Compiler(os.path.abspath(path), text.strip().splitlines()[0].strip(), tuple(arguments))
 
 
-def _run(
+def run_command(
     command: list[str], timeout_s: float, *, stdin: str = "", folder: Path | None = None
 ) -> tuple[int, str]:
-    """Exit code and text of a command; never through a shell."""
+    """Exit code and text of a command; never through a shell.
+
+    Raises:
+        CompileError: it cannot be run, or is stopped after the time given.
+    """
     environment = dict(os.environ, LC_ALL="C")
     if folder is not None:
         environment["TMPDIR"] = str(folder)
@@ -217,7 +246,7 @@ def _stop(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _failure(command: list[str], code: int, text: str) -> str:
+def failure_text(command: list[str], code: int, text: str) -> str:
     """The message of a failed call: first error lines, then the command."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     errors = [line for line in lines if _TELLING.search(line)] or lines or ["no output"]

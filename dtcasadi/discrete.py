@@ -76,8 +76,17 @@ class DiscreteModel:
         return self._model.recentre(x, theta)
 
 
-def discretize(model: Model, step_s: float, method: str, *, exact: bool) -> DiscreteModel:
+def discretize(
+    model: Model, step_s: float, method: str, *, exact: bool, slack_max: float = SLACK_MAX
+) -> DiscreteModel:
     """Build `DiscreteModel`; see `Model.discrete`.
+
+    Args:
+        model: the model.
+        step_s: step [s].
+        method: a name of `dtcasadi.integrators.ONE_STEP`.
+        exact: whether `linearize` gives exact derivatives.
+        slack_max: a last Newton correction above this share of the stages is a failed step.
 
     Raises:
         ModelError: an unknown method, or a step that is not positive.
@@ -87,7 +96,7 @@ def discretize(model: Model, step_s: float, method: str, *, exact: bool) -> Disc
         raise _error("method", f"one of {', '.join(ONE_STEP)}", repr(method))
     chosen = ONE_STEP[method]
     sources, functions = (
-        _functions(chosen, plant_of(g), step_s, exact=exact) for g in model.graphs
+        _functions(chosen, plant_of(g), step_s, slack_max, exact=exact) for g in model.graphs
     )
     return DiscreteModel(
         step=functions["step"],
@@ -104,14 +113,14 @@ def discretize(model: Model, step_s: float, method: str, *, exact: bool) -> Disc
 
 
 def _functions(
-    method: OneStep, plant: Plant, step_s: float, *, exact: bool
+    method: OneStep, plant: Plant, step_s: float, slack_max: float, *, exact: bool
 ) -> dict[str, ca.Function]:
     """The step and its linearization as Functions of x, u and theta."""
     free = symbols(plant)
     at = At(free.x, free.u, free.zeros(free.u.shape[0]), plant.kind(step_s), free.theta)
     ports, names = [at.x, at.u, at.theta], ["x", "u", "theta"]
     step = method.step(plant, at)
-    good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= SLACK_MAX)
+    good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= slack_max)
     plain = ca.Function("step", ports, [step.x_next, 1 - good], names, ["x_next", "status"])
     step, by = method.sensitivity(plant, at, exact=exact)
     n_frames = at.theta.shape[0] - by.F_theta.shape[1]

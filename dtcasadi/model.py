@@ -51,6 +51,8 @@ _BUILDERS = {
     name: getattr(jacobians, name)
     for name in ("inverse_dynamics_jacobian", "forward_dynamics_jacobian", "ode_jacobian")
 }
+# Names of a model's Functions.
+FUNCTIONS = tuple(_BUILDERS)
 # Ports that stay matrices even with one column.
 _MATRICES = frozenset(
     "M R r J dtau_dq dtau_dqd F_x F_u dqdd_dq dqdd_dqd dqdd_dpressure dqdd_dtau".split()

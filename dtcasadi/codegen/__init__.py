@@ -15,11 +15,12 @@ from collections.abc import Mapping
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
 from ..errors import ModelError
+from .c import work_sizes
 from .describe import described
 from .description import Export, Exposed, Settings, exposed
 from .folder import Exported, write_folder
@@ -75,7 +76,12 @@ def export_c(
     if format != "c" and (simd or single):
         raise ModelError(f"format: expected c with simd or single, got {format!r}")
     export = described(
-        functions_or_model, name=name, functions=functions, method=method, step_s=step_s
+        functions_or_model,
+        name=name,
+        functions=functions,
+        method=method,
+        step_s=step_s,
+        single=single,
     )
     settings = Settings(single=single, simd=simd)
     modules = [
@@ -85,7 +91,22 @@ def export_c(
     files: dict[str, str] = {}
     for module in modules:
         files |= import_module(f".{module}", __package__).write(export, settings)
-    return write_folder(Path(folder), export, files, force=force)
+    return write_folder(Path(folder), export, files, _functions(export, files), force=force)
+
+
+def _functions(export: Export, files: Mapping[str, str]) -> tuple[Mapping[str, Any], ...]:
+    """Name, inputs, outputs and work space (None but in C) of each function."""
+    core = files.get(f"{export.name}_core.c")
+    work = {} if core is None else work_sizes(export, core)
+    return tuple(
+        {
+            "name": each.name,
+            "inputs": [port._asdict() for port in each.inputs],
+            "outputs": [port._asdict() for port in each.outputs],
+            "work": work[each.name]._asdict() if work else None,
+        }
+        for each in export.functions
+    )
 
 
 __all__ = ["FORMATS", "Export", "Exported", "Exposed", "Settings", "export_c", "exposed"]

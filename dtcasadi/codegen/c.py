@@ -13,14 +13,20 @@ import casadi as ca
 from ..bound import densified
 from ..compiler import DEFAULT_FLAGS
 from ..errors import ModelError
-from . import header, project
+from . import build, header, precision, project
 from .description import Export, Exposed, Port, Settings
 from .names import different, macro
 from .texts import comment, filled, maker, number
 
-# The product's own flags but those that name this machine or the kind of output.
-FLAGS = tuple(
-    flag for flag in DEFAULT_FLAGS if flag not in ("-std=c99", "-march=native", "-fPIC", "-shared")
+# The product's own flags but those that name this machine or the kind of output; the level from
+# benchmarks/results/compile_size.md.
+FLAGS = (
+    "-O2",
+    *(
+        flag
+        for flag in DEFAULT_FLAGS
+        if flag not in ("-std=c99", "-O3", "-march=native", "-fPIC", "-shared")
+    ),
 )
 _CALLED = """
     sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p pow sqrt
@@ -45,17 +51,22 @@ def write(export: Export, settings: Settings) -> Mapping[str, str]:
 
     Raises:
         ModelError: two functions would share a C name.
+        CompileError: single precision is to be measured, and the compiler fails.
     """
     _check_symbols(export)
     body = core_body(export, settings)
     sizes = work_sizes(export, body)
     name, fields = export.name, _fields(export, settings)
-    return {
+    sources = {
         f"{name}.h": header.text(export, settings, sizes, fields),
         f"{name}.c": _wrapper(export, settings, fields),
         f"{name}_core.c": filled("core.c", **fields, body=body),
-        **project.texts(export, settings, sizes, fields),
     }
+    single = ""
+    if settings.single:
+        errors = precision.measured(export, body, lambda each: raw(export, each), FLAGS)
+        single = project.single_section(errors, build.cortex_sizes(sources))
+    return sources | project.texts(export, settings, sizes, {**fields, "single": single})
 
 
 def core_body(export: Export, settings: Settings) -> str:
@@ -77,7 +88,10 @@ def core_body(export: Export, settings: Settings) -> str:
 
 
 def work_sizes(export: Export, core: str) -> dict[str, WorkSize]:
-    """Sizes of the work space of each function as the generated `<f>_work` gives them."""
+    """Sizes of the work space of each function as the generated `<f>_work` gives them.
+
+    A Function's own `sz_w` and the like are those of the virtual machine, not of its C.
+    """
     sizes = {}
     for each in export.functions:
         found = re.search(rf"\b{raw(export, each)}{_SIZES}", core, re.DOTALL)

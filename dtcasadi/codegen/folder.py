@@ -1,6 +1,6 @@
 """The target folder: what is there, whose it is, and how new files take their places.
 
-`<name>.json` is the manifest: what was exported, and the SHA-256 of each file as written. A file
+`export.json` is the manifest: what was exported, and the SHA-256 of each file as written. A file
 that the manifest does not know in its present state is foreign, or was edited.
 """
 
@@ -40,9 +40,21 @@ class Exported:
 
 
 def write_folder(
-    folder: Path, export: Export, files: Mapping[str, str], *, force: bool = False
+    folder: Path,
+    export: Export,
+    files: Mapping[str, str],
+    functions: tuple[Mapping[str, Any], ...] = (),
+    *,
+    force: bool = False,
 ) -> Exported:
     """Put texts into a folder, all of them after all of them could be written.
+
+    Args:
+        folder: created where missing.
+        export: what is written.
+        files: texts by file name.
+        functions: of the result.
+        force: overwrite foreign and edited files.
 
     Raises:
         ModelError: the folder holds files of other hands under these names.
@@ -69,7 +81,7 @@ def write_folder(
         folder,
         export.name,
         tuple(folder / name for name in texts),
-        (),
+        functions,
         sum(map(len, texts.values())),
     )
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from .build import CORTEX, CORTEX_FLAGS
 from .description import Export, Exposed, Motion, Settings
+from .precision import ANGLE, N_STATES, RATE, Error
 from .texts import comment, filled, number, wrapped
 
 if TYPE_CHECKING:
@@ -121,18 +123,52 @@ def _readme(
             for block, place in export.theta_blocks.items()
         ),
     ]
+    name, first = export.name, export.functions[0].name
+    load = f"import casadi; print(casadi.external('{name}_raw_{first}', './lib{name}.so'))"
     return filled(
         "README.md",
         **{**fields, "graph": export.graph},
+        load="" if settings.single else f'    make shared && python -c "{load}"\n',
         casadi=ca.CasadiMeta.version(),
         facts=f"{facts}\n" if facts else "",
         example="simulates the robot and prints its tip" if simulates else "one call",
         functions="\n".join(_row(each, sizes[each.name], settings) for each in export.functions),
         blocks="\n".join(["", *blocks, ""]) if export.theta_blocks else "",
         beside="",
-        note="",
-        single="",
     )
+
+
+def single_section(
+    errors: Mapping[str, Error] | str, sizes: Mapping[str, Mapping[str, int]] | str
+) -> str:
+    """What the README says about single precision."""
+    lines = ["\n## Single precision\n"]
+    if isinstance(errors, str):
+        lines.append(f"Error against double precision: {errors}.")
+    else:
+        lines += [
+            f"Error against double precision over {N_STATES} random states (angles within "
+            f"{ANGLE:g} rad, rates within {RATE:g} rad/s, pressures within the example's), "
+            "relative to the largest entry of each result; failed: calls that did not converge.\n",
+            "| function | median | largest | failed |\n|---|---:|---:|---:|",
+            *(
+                f"| `{name}` | {each.median:.1e} | {each.largest:.1e} | {each.failed} |"
+                for name, each in errors.items()
+            ),
+        ]
+    lines.append("\n## On a Cortex-M7\n")
+    if isinstance(sizes, str):
+        lines.append(f"Size: {sizes}.")
+    else:
+        lines += [
+            f"Bytes with `{CORTEX} {' '.join(CORTEX_FLAGS)}`:\n",
+            "| file | code and constants | data | bss |\n|---|---:|---:|---:|",
+            *(
+                f"| `{name}` | {each['text']} | {each['data']} | {each['bss']} |"
+                for name, each in sizes.items()
+            ),
+        ]
+    return "\n".join([*lines, ""])
 
 
 def _row(function: Exposed, size: "WorkSize", settings: Settings) -> str:
