@@ -4,6 +4,7 @@ from .actuators import Direct, Regulator
 from .charts import convert
 from .codegen import export_c
 from .discrete import DiscreteModel
+from .events import Event
 from .model import Model, build
 from .profile import Profile
 from .result import Run
@@ -19,6 +20,7 @@ __all__ = [
     "Disc",
     "DiscreteModel",
     "Equilibrium",
+    "Event",
     "Model",
     "Profile",
     "Regulator",

@@ -32,8 +32,11 @@ class FunctionPiece:
             value = np.atleast_1d(np.asarray(given, dtype=float))
         except (TypeError, ValueError):  # text, a dictionary, rows of different lengths
             value = np.array([np.nan])
+        if value.shape == (1,):
+            value = np.repeat(value, self.n_u)
         if value.shape != (self.n_u,) or not np.all(np.isfinite(value)):
-            expected = f"{self.n_u} finite numbers"
+            each = "" if self.n_u == 1 else f", or {self.n_u}, one for each chamber"
+            expected = f"a finite number{each}"
             raise _error(f"pressure({t:g})", expected, checks.shown(given))
         return value
 

@@ -31,6 +31,9 @@ class DiscreteModel:
     Attributes:
         step: Function x (n_x,), u (n_u,), theta (n_theta,) -> x_next (n_x,), status; status 0:
             good, 1: not finite or not converged.
+        checked: Function x, u, theta -> x_next, status, error (n_x,), residual: also the method's
+            embedded estimate of the step's error (zero without one), and the largest entry of the
+            stage equations after the last Newton step [N m] (zero without an iteration).
         linearize: Function x, u, theta -> x_next, F_x (n_x, n_x), F_u (n_x, n_u),
             F_theta (n_x, n_theta), zero for the block `frames`.
         ode: Function x, u, theta -> xdot, the continuous model.
@@ -42,6 +45,7 @@ class DiscreteModel:
     """
 
     step: ca.Function
+    checked: ca.Function
     linearize: ca.Function
     ode: ca.Function
     theta0: np.ndarray
@@ -53,13 +57,16 @@ class DiscreteModel:
     _sources: Mapping[str, ca.Function]
 
     def compiled(self, name: str) -> Bound:
-        """The C twin of `step` or `linearize`, one per thread.
+        """The C twin of `step`, `checked`, `linearize` or `ode`, one per thread.
 
         Raises:
             ModelError: another name.
         """
+        if name == "ode":
+            return self._model.compiled(name)
         if name not in self._sources:
-            raise ModelError(f"compiled: expected {' or '.join(self._sources)}, got {name!r}")
+            expected = ", ".join([*self._sources, "ode"])
+            raise ModelError(f"compiled: expected one of {expected}, got {name!r}")
         source = self._sources[name]
         key = ("discrete", name, self.method, self.step_s, source)
         function = self._model.once(key, lambda: twin(getattr(self, name), source=source))
@@ -99,8 +106,7 @@ def discretize(
         _functions(chosen, plant_of(g), step_s, slack_max, exact=exact) for g in model.graphs
     )
     return DiscreteModel(
-        step=functions["step"],
-        linearize=functions["linearize"],
+        **functions,
         ode=model.ode,
         theta0=model.theta0,
         theta_blocks=model.theta_blocks,
@@ -121,7 +127,10 @@ def _functions(
     ports, names = [at.x, at.u, at.theta], ["x", "u", "theta"]
     step = method.step(plant, at)
     good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= slack_max)
-    plain = ca.Function("step", ports, [step.x_next, 1 - good], names, ["x_next", "status"])
+    parts = {"x_next": step.x_next, "status": 1 - good}
+    plain = ca.Function("step", ports, list(parts.values()), names, list(parts))
+    parts |= {"error": ca.densify(step.error), "residual": ca.densify(step.residual)}
+    checked = ca.Function("checked", ports, list(parts.values()), names, list(parts))
     step, by = method.sensitivity(plant, at, exact=exact)
     n_frames = at.theta.shape[0] - by.F_theta.shape[1]
     by = by._replace(F_theta=ca.horzcat(at.zeros(at.x.shape[0], n_frames), by.F_theta))
@@ -130,6 +139,7 @@ def _functions(
     options = {"cse": True}
     return {
         "step": plain,
+        "checked": checked,
         "linearize": ca.Function("linearize", ports, values, names, outputs, options),
     }
 

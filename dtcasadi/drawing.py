@@ -1,11 +1,9 @@
 """The robot as lines and polygons on a page: its geometry in a pose, and the view on it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from .result import Run
 from .robot import Chamber, Disc, Robot
 
 # Of an oblique view: how far the viewer stands above the horizon and off the robot's side.
@@ -215,42 +213,3 @@ def _resampled(ring: np.ndarray, n: int) -> np.ndarray:
     closed = np.concatenate([ring, ring[:1]])
     place = np.arange(n) * len(ring) / n
     return np.column_stack([np.interp(place, np.arange(len(closed)), c) for c in closed.T])
-
-
-def poses_at(run: Run, times: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Disc frames at any times, by cubic Hermite interpolation of the coordinates.
-
-    Across a re-centring, where the coordinates start anew, the frames themselves are blended.
-
-    Returns:
-        R, shape (m, n_discs, 3, 3), and origins r, shape (m, n_discs, 3) [m].
-    """
-    times = np.clip(np.asarray(times, dtype=float), run.t[0], run.t[-1])
-    k = np.clip(np.searchsorted(run.t, times, side="right") - 1, 0, max(len(run.t) - 2, 0))
-    after = np.minimum(k + 1, len(run.t) - 1)
-    h = run.t[after] - run.t[k]
-    s = (times - run.t[k]) / np.where(h > 0, h, 1.0)
-    rest = 1 - s
-    q = rest**2 * ((1 + 2 * s) * run.q[:, k] + s * h * run.qd[:, k]) + s**2 * (
-        (3 - 2 * s) * run.q[:, after] - rest * h * run.qd[:, after]
-    )
-    n = run.model.n_discs
-    R, r = np.zeros((len(times), n, 3, 3)), np.zeros((len(times), n, 3))
-    for m, (start, end) in enumerate(zip(k, after, strict=True)):
-        theta = run.thetas[:, start]
-        if np.array_equal(theta, run.thetas[:, end]):
-            rotation, origin = run.model.poses(q[:, m], theta)
-            R[m] = np.array(rotation).reshape(3, n, 3).transpose(1, 0, 2)
-            r[m] = np.array(origin).T
-        else:
-            ends, origins = run.poses(np.array([start, end]))
-            R[m] = _nearest_rotation(rest[m] * ends[0] + s[m] * ends[1])
-            r[m] = rest[m] * origins[0] + s[m] * origins[1]
-    return R, r
-
-
-def _nearest_rotation(matrix: np.ndarray) -> np.ndarray:
-    """The rotation nearest to each matrix, shape (..., 3, 3)."""
-    left, _, right = np.linalg.svd(matrix)
-    left[..., -1] *= np.sign(np.linalg.det(left @ right))[..., np.newaxis]
-    return left @ right

@@ -1,6 +1,7 @@
 """The model of a robot: named CasADi Functions, their compiled twins, and its parameters."""
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -160,6 +161,10 @@ class Model:
     def recentres(self) -> bool:
         """Whether some segment's A and B, theta block `frames`, may absorb its pose."""
         return bool(self.centres)
+
+    def rebuilt(self, charts: Sequence[Chart]) -> "Model":
+        """The same robot and options with other charts, one per segment."""
+        return Model(self.robot, replace(self.options, charts=tuple(charts)))
 
     def recentre(
         self, x: np.ndarray, theta: np.ndarray

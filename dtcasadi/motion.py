@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .artists import Box, RobotArtists
-from .drawing import Shapes, View, poses_at, shapes_of, view_of
+from .drawing import Shapes, View, shapes_of, view_of
 from .result import Run
 from .style import PictureError, pressure_unit
 
@@ -52,7 +52,7 @@ class Motion:
         if view is not None and view not in VIEWS:
             raise PictureError(f"view: expected one of {', '.join(VIEWS)}, got {view!r}")
         robot = run.model.robot
-        R, r = poses_at(run, times)
+        R, r = run.at(times).poses()
         seen = view_of(robot, R, r, view)
         shapes = [shapes_of(robot, *pose, seen) for pose in zip(R, r, strict=True)]
         path_times, path = tip_path(run)

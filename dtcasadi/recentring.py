@@ -13,14 +13,14 @@ same. Segments are counted from 0 here, from 1 in messages.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from .charts import Chart, charts_of, convert_segment
+from .charts import Chart, charts_of, convert, convert_segment
 from .errors import ChartError, ModelError
 from .kernels.recentring import FRAMES, absorbed, chart_change, recentred
 
@@ -35,6 +35,8 @@ LIMIT = np.pi / 4
 # cond(M) 2e-16, comes up to a simulation's default tolerance of 1e-6; and with 1e2 of damping on
 # each rate the fastest eigenvalue is -4e8 1/s.
 THRESHOLD = 1e-3
+# A run stops at this distance: cond(M) = 1e13, and of qdd's digits two or three are left.
+NEAR = 1e-5
 # Condition above which momenta are not mapped: their round-off would exceed 1e-6.
 _SINGULAR = 1e10
 _MIDDLE = {"xy": (1, np.cos), "zx": (1, np.sin), "xyz": (1, np.cos), "zxy": (1, np.cos)}
@@ -66,6 +68,22 @@ def guard_indices(model: Model) -> np.ndarray:
     """Entries of x to watch: |x[i]| > LIMIT asks for re-centring; two per segment, shape (m,)."""
     starts = [place.q.start for place in model.centres]
     return np.array([start + k for start in starts for k in (1, 3)], dtype=np.int64)
+
+
+def singular_angles(model: Model) -> Iterator[tuple[int, np.ufunc]]:
+    """Entries of x where the chart of a segment that cannot re-centre has a singularity.
+
+    Yields:
+        The entry's index, and np.cos or np.sin, which is zero there.
+    """
+    free, start = {place.segment for place in model.centres}, 0
+    for i, chart in enumerate(model.charts):
+        words = ((chart.words.thread, 0), (chart.words.disc, len(chart.words.thread)))
+        for word, first in words:
+            if i not in free and word in _MIDDLE:
+                place, measure = _MIDDLE[word]
+                yield start + first + place, measure
+        start += chart.words.n_q
 
 
 def off_centre(model: Model, x: np.ndarray) -> tuple[int, ...]:
@@ -168,6 +186,33 @@ def momentum_map(model: Model, T: np.ndarray) -> np.ndarray:
     return np.linalg.inv(D).T
 
 
+def regular(model: Model, x: np.ndarray, theta: np.ndarray) -> tuple[Model, np.ndarray, np.ndarray]:
+    """The same robot and state with chart `cardan` wherever a chart in space cannot re-centre.
+
+    The same physics: with physical damping and full velocity terms no acceleration depends on the
+    chart.
+
+    Returns:
+        The model, its state and its parameters: those of theta, and A, B as the robot has them.
+
+    Raises:
+        ChartError: the damping or the velocity terms are tied to the chart, or no chart changes.
+    """
+    options = model.options
+    old = [chart.name for chart in model.charts]
+    new = ["cardan" if chart.words.thread == "zx" else chart.name for chart in model.charts]
+    if options.damping != "physical" or options.velocity_terms != "full" or new == old:
+        raise ChartError("chart: expected one that can change without changing the physics")
+    other = model.rebuilt(charts_of(new, model.n_discs - 1))
+    n = model.n_q
+    state = np.concatenate([*convert(model.robot, x[:n], x[n : 2 * n], old, new), x[2 * n :]])
+    parameters = other.theta0.copy()
+    for name, block in model.theta_blocks.items():
+        if name != "frames":
+            parameters[other.theta_blocks[name]] = theta[block]
+    return other, state, parameters
+
+
 def unwound(
     model: Model, x: np.ndarray, theta: np.ndarray, chart: str | Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -208,23 +253,16 @@ def chart_limit(model: Model, x: np.ndarray) -> str | None:
     Returns:
         What is singular where, or None while every distance is at least THRESHOLD.
     """
-    free = {place.segment for place in model.centres}
-    start = 0
-    for i, chart in enumerate(model.charts):
-        word_starts = ((chart.words.thread, 0), (chart.words.disc, len(chart.words.thread)))
-        for word, first in word_starts:
-            if i in free or word not in _MIDDLE:
-                continue
-            place, measure = _MIDDLE[word]
-            angle = float(x[start + first + place])
-            distance = abs(float(measure(angle)))
-            if distance < THRESHOLD:
-                return (
-                    f"segment {i + 1}: {chart.coordinate_names[first + place]} = {angle:.6g} rad "
-                    f"is at a singularity of chart {chart.name} "
-                    f"(|{measure.__name__}| = {distance:.1e})"
-                )
-        start += chart.words.n_q
+    for k, measure in singular_angles(model):
+        angle = float(x[k])
+        distance = abs(float(measure(angle)))
+        if distance < THRESHOLD:
+            name, _, segment = model.coordinate_names[k].rpartition("_")
+            chart = model.charts[int(segment) - 1].name
+            return (
+                f"segment {segment}: {name} = {angle:.6g} rad is at a singularity of chart {chart} "
+                f"(|{measure.__name__}| = {distance:.1e})"
+            )
     return None
 
 

@@ -2,13 +2,20 @@
 
 import errno
 import os
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from .checks import shown
+from .errors import SimulationError
+from .events import Passed
 from .files import written
 from .model import Model
+from .recentring import unwound
+
+Dense = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +36,13 @@ class Run:
             samples [s, J]; `residual` closes the balance.
         condition: condition number of M at `energy["t"]`.
         recentrings: (time [s], segments from 1) of each re-centring.
+        events: guard functions that passed zero, in the order of time.
         steps: accepted steps.
+        step_sizes: their sizes, shape (steps,) [s].
         rejected: steps tried again with a smaller size.
         evaluations: calls of the state equation.
         wall_time: time spent integrating [s].
+        dense: x, u and theta between the steps; `at` is made of it.
     """
 
     model: Model
@@ -47,10 +57,13 @@ class Run:
     energy: dict[str, np.ndarray]
     condition: np.ndarray
     recentrings: tuple[tuple[float, tuple[int, ...]], ...]
+    events: tuple[Passed, ...]
     steps: int
+    step_sizes: np.ndarray
     rejected: int
     evaluations: int
     wall_time: float
+    dense: Dense = field(repr=False)
 
     @property
     def y(self) -> np.ndarray:
@@ -61,11 +74,6 @@ class Run:
     def theta(self) -> np.ndarray:
         """Parameters at the start, shape (n_theta,)."""
         return self.thetas[:, 0]
-
-    @property
-    def step_sizes(self) -> np.ndarray:
-        """Sizes of the accepted steps, shape (n - 1,) [s]."""
-        return np.diff(self.t)
 
     @property
     def q(self) -> np.ndarray:
@@ -81,6 +89,40 @@ class Run:
     def pressure(self) -> np.ndarray:
         """Chamber pressures, shape (n_u, n) [Pa]."""
         return self.model.pressure_of(self.x, self.u)
+
+    def at(self, times: Sequence[float] | np.ndarray) -> "Run":
+        """The same run seen at other times (dense output): t, x, u and thetas there.
+
+        This package's methods: quintic Hermite in q between the steps, error O(h^6); SciPy's: their
+        own interpolants. Each state is in the coordinates of the step it is in.
+
+        Raises:
+            SimulationError: times that do not increase, or outside the run.
+        """
+        moments = np.asarray(times, dtype=float)
+        first, last = self.t[0], self.t[-1]
+        inside = moments.ndim == 1 and np.all((moments >= first) & (moments <= last))
+        if not inside or np.any(np.diff(moments) < 0):
+            expected = f"increasing times from {first:g} to {last:g} s"
+            raise SimulationError(f"times: expected {expected}, got {shown(times)}")
+        x, u, thetas = self.dense(moments)
+        return replace(self, t=moments, x=x, u=u, thetas=thetas)
+
+    def coordinates(self, chart: str | Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and rates in a chart of choice, whatever was re-centred on the way.
+
+        Angles are joined from step to step by whole turns.
+
+        Args:
+            chart: a chart, or one per segment.
+
+        Returns:
+            q [rad] and qd [rad/s], shape (n, len(t)) each with the n of that chart.
+
+        Raises:
+            ChartError: an unknown chart, or a pose that it cannot represent.
+        """
+        return unwound(self.model, self.x, self.thetas, chart)
 
     def poses(self, at: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Disc frames in the root frame at some steps (indices; default: all).
@@ -101,7 +143,8 @@ class Run:
         """Write the arrays of the run to a NumPy .npz file, whole or not at all.
 
         `np.load` reads them back: the fields of this class, `energy_*` for the balance, and
-        `recentrings` with `recentred_segments`, one row per re-centring padded with zeros.
+        `recentrings` with `recentred_segments`, one row per re-centring padded with zeros;
+        `events` [s] with `event_names`.
 
         Raises:
             OSError: the file cannot be written; an older one is left as it was.
@@ -112,6 +155,8 @@ class Run:
         target = target if target.suffix == ".npz" else target.with_name(target.name + ".npz")
         arrays = {f"energy_{name}": values for name, values in self.energy.items()}
         arrays |= {name: np.array(getattr(self, name)) for name in _SAVED}
+        arrays["events"] = np.array([event.t for event in self.events])
+        arrays["event_names"] = np.array([event.name for event in self.events], dtype=str)
         arrays["recentrings"] = np.array([time for time, _ in self.recentrings])
         width = max((len(segments) for _, segments in self.recentrings), default=0)
         rows = [segments + (0,) * (width - len(segments)) for _, segments in self.recentrings]
@@ -124,5 +169,5 @@ class Run:
 
 _SAVED = (
     *("t", "x", "u", "q", "qd", "pressure", "thetas", "success", "message", "method", "choice"),
-    *("condition", "steps", "rejected", "evaluations", "wall_time"),
+    *("condition", "steps", "step_sizes", "rejected", "evaluations", "wall_time"),
 )

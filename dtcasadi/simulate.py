@@ -10,10 +10,12 @@ from tqdm import tqdm
 
 from . import checks
 from .commands import CommandLike, command_pieces, sampled
-from .errors import SimulationError
+from .errors import ChartError, SimulationError
+from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
 from .integrators import METHODS, Problem, Trajectory
 from .model import Model
+from .recentring import chart_limit, regular
 from .result import Run
 from .scene import Scene
 
@@ -36,6 +38,7 @@ def simulate(
     atol: float | None = None,
     step_s: float | None = None,
     force: bool = False,
+    events: Event | Sequence[Event] = (),
 ) -> Run:
     """Integrate the state equation from t = 0 to t_end.
 
@@ -47,11 +50,14 @@ def simulate(
         u: command of any other actuator, in the same forms.
         t_end: duration [s].
         theta: parameters, shape (n_theta,); default: the robot's own.
-        method: a name of `dtcasadi.integrators.METHODS`, or `auto`.
+        method: a name of `dtcasadi.integrators.METHODS`. `auto` picks by measured stiffness; where
+            only the chart stops it and the physics allow (physical damping, full velocity terms),
+            it runs again in chart cardan: `run.model` is that model, and `run.choice` says so.
         rtol: relative tolerance of the local error; default 1e-6.
         atol: absolute tolerance; default 1e-8.
         step_s: step of a method without error control, first step of the others [s].
         force: take a step beyond the linear stability limit at the start, which is else refused.
+        events: guard functions whose zeros are located; a terminal one ends the run.
 
     Returns:
         The run. A numerical failure is a run with `success` False, the states up to the last good
@@ -94,11 +100,27 @@ def simulate(
         if step_s is None
         else checks.number("step_s", step_s, positive=True, error=_error),
         force=force,
+        events=checked(events),
     )
     return _run(problem, name)
 
 
 def _run(problem: Problem, name: str) -> Run:
+    """Integrate; where `auto` stops at a singularity of the chart alone, in another chart."""
+    run = _integrated(problem, name)
+    singular = chart_limit(problem.model, run.x[:, -1])
+    if run.success or name != "auto" or not singular:
+        return run
+    try:
+        model, x0, theta = regular(problem.model, problem.x0, problem.theta)
+    except ChartError:
+        return run
+    again = _integrated(replace(problem, model=model, x0=x0, theta=theta), name)
+    why = f"chart cardan from the start, the same physics ({singular})"
+    return replace(again, choice=f"{why}; {again.choice}")
+
+
+def _integrated(problem: Problem, name: str) -> Run:
     """Integrate and gather the run's health."""
     model, t_end = problem.model, problem.pieces[-1].t_end
     method = METHODS[name]
@@ -121,6 +143,12 @@ def _run(problem: Problem, name: str) -> Run:
     energy = energy_balance(model, trajectory, nodes, at)
     failure = trajectory.failure or _imbalance(model, trajectory, energy)
     steps = len(t) - 1
+
+    def dense(times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        states, thetas = trajectory.at(times)
+        return states, sampled(problem.pieces, times, n), thetas
+
+    end = f"event {trajectory.ended!r} ended the run at" if trajectory.ended else "reached"
     return Run(
         model=model,
         t=t,
@@ -128,16 +156,19 @@ def _run(problem: Problem, name: str) -> Run:
         u=sampled(problem.pieces, t, n),
         thetas=trajectory.thetas,
         success=not failure,
-        message=failure or f"reached t = {t_end:g} s in {steps} steps of {trajectory.method}",
+        message=failure or f"{end} t = {t[-1]:g} s in {steps} steps of {trajectory.method}",
         method=trajectory.method,
         choice=trajectory.note,
         energy=energy,
         condition=conditions(model, trajectory.x[: model.n_q, at], trajectory.thetas[:, at]),
         recentrings=trajectory.recentrings,
+        events=trajectory.events,
         steps=steps,
+        step_sizes=np.diff(t),
         rejected=trajectory.rejected,
         evaluations=trajectory.evaluations,
         wall_time=wall_time,
+        dense=dense,
     )
 
 

@@ -42,13 +42,36 @@ def made_up(model: dtc.Model, t: np.ndarray, q: np.ndarray, qd: np.ndarray, **fi
         },
         "condition": 10 + t,
         "recentrings": (),
+        "events": (),
         "steps": n - 1,
+        "step_sizes": np.diff(t),
         "choice": "",
         "rejected": 0,
         "evaluations": 4 * n,
         "wall_time": 0.01,
     }
-    return dtc.Run(**(values | fields))
+    values |= fields
+    return dtc.Run(**values, dense=_between(model, values))
+
+
+def _between(model: dtc.Model, values: dict[str, Any]):
+    """Coordinates by cubic Hermite in each step; at constant rates in one that re-centres."""
+    t, x, u, thetas = (values[name] for name in ("t", "x", "u", "thetas"))
+    q, qd = slice(0, model.n_q), slice(model.n_q, 2 * model.n_q)
+
+    def dense(times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        k = np.searchsorted(t, times, side="right") - 1
+        after = np.minimum(k + 1, len(t) - 1)
+        h = np.maximum(t[after] - t[k], 1e-12)
+        s, v, w = (times - t[k]) / h, h * x[qd, k], h * x[qd, after]
+        moved = x[q, after] - x[q, k]
+        smooth = s * (v + s * (3 * moved - 2 * v - w + s * (v + w - 2 * moved)))
+        same = np.all(thetas[:, k] == thetas[:, after], axis=0)
+        states = x[:, k].copy()
+        states[q] += np.where(same, smooth, s * v)
+        return states, u[:, k], thetas[:, k]
+
+    return dense
 
 
 def swinging(model: dtc.Model, amplitude: float = 0.4, t_end: float = 3.0, **fields) -> dtc.Run:

@@ -94,7 +94,7 @@ def test_walls_cover_both_rims_and_turn_one_way():
 
 def test_poses_between_steps_follow_the_motion(seed):
     times = np.array([0.0, 0.01, 1.2345, 2.99, 3.0])
-    R, r = drawing.poses_at(seed, times)
+    R, r = seed.at(times).poses()
     phase = np.arange(6)
     for k, time in enumerate(times):
         rotation, origin = seed.model.poses(0.4 * np.sin(2 * time + phase), seed.model.theta0)
@@ -106,7 +106,7 @@ def test_poses_pass_a_recentring_without_a_jump():
     run = drawn_runs.recentred()
     moment = run.recentrings[0][0]
     times = moment + np.linspace(-0.03, 0.03, 25)
-    R, r = drawing.poses_at(run, times)
+    R, r = run.at(times).poses()
     assert np.abs(np.diff(r, axis=0)).max() < 0.01 and np.abs(np.diff(R, axis=0)).max() < 0.01
     assert R @ R.transpose(0, 1, 3, 2) == pytest.approx(
         np.broadcast_to(np.eye(3), R.shape), abs=1e-12

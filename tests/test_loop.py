@@ -8,8 +8,10 @@ import pytest
 
 import dtcasadi as dtc
 from dtcasadi.compile import find_compiler
+from dtcasadi.events import NO_GUARDS, Guards
 from dtcasadi.integrators import METHODS, ONE_STEP
-from dtcasadi.integrators.loop import Loop, LoopState, Stop, build_loop
+from dtcasadi.integrators.loop import Loop, build_loop
+from dtcasadi.integrators.loop_state import LoopState, Stop, Watched
 from dtcasadi.integrators.steppers import plant_of, step_function
 from dtcasadi.presets import seed_four_disc
 
@@ -22,28 +24,35 @@ def state(**changes: float) -> LoopState:
     """Settings of an adaptive run of order 5 over one second."""
     usual = {
         **{"h": 1e-3, "previous": 1e-4, "t_end": 1.0, "rtol": 1e-6, "atol": 1e-8, "h_max": 1.0},
-        **{"order": 5.0, "slack_max": 1e-6, "limit": np.pi / 4, "adaptive": 1, "capacity": 10_000},
+        **{"order": 5.0, "slack_max": 1e-6, "limit": np.pi / 4, "near": 1e-3, "adaptive": 1},
+        **{"capacity": 10_000},
     }
     return LoopState(**(usual | changes))
 
 
 def both(
-    native: Loop, twin: Loop, make: Callable[[], LoopState], x: np.ndarray, **arrays: np.ndarray
+    native: Loop,
+    twin: Loop,
+    make: Callable[[], LoopState],
+    x: np.ndarray,
+    guards: Guards = NO_GUARDS,
+    **arrays: np.ndarray,
 ) -> Result:
     """The same run by both loops; times, states, stops and counters must agree."""
     results = []
     for loop in (native, twin):
         s, now = make(), x.copy()
         command = arrays.get("u", NOTHING), arrays.get("du", NOTHING)
-        guard = arrays.get("guard", np.zeros(0, dtype=np.int64))
-        why, t, states = loop.run(s, command, arrays.get("theta", NOTHING), guard, now)
+        guard = arrays.get("guard", np.zeros((0, 2), dtype=np.int64))
+        theta = arrays.get("theta", NOTHING)
+        why, t, states = loop.run(s, command, theta, guard, now, guards)
         assert len(t) == len(states) == s.stored
         if len(t):
             assert np.array_equal(states[-1], now) and t[-1] == s.t
         results.append((why, t, states, s))
     (why, t, states, s), (why_twin, t_twin, states_twin, s_twin) = results
     assert why is why_twin
-    for name in ("stored", "accepted", "rejected", "broken", "adaptive"):
+    for name in ("stored", "accepted", "rejected", "broken", "adaptive", "event"):
         assert getattr(s, name) == getattr(s_twin, name), name
     # Fused multiply-adds change the last digit; a step size feels it through the error estimate,
     # whose round-off is up to 1e-16 / rtol of it.
@@ -89,9 +98,10 @@ def test_twins_agree_on_the_robot(model, name):
     assert np.allclose(t, np.arange(1, 257) / 256, rtol=1e-14)
 
     def guarded() -> LoopState:
-        return state(h=1e-3, order=order, limit=0.3, n_guard=2)
+        return state(h=1e-3, order=order, limit=0.3)
 
-    why, t, states, s = both(native, twin, guarded, x, guard=np.array([0, 3]), **arrays)
+    limited = np.array([(0, Watched.LIMITED), (3, Watched.LIMITED)])
+    why, t, states, s = both(native, twin, guarded, x, guard=limited, **arrays)
     assert why is Stop.GUARD and t[-1] < 1.0
     assert np.max(np.abs(states[-1, [0, 3]])) > 0.3 > np.max(np.abs(states[:-1, [0, 3]]))
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..bound import Bound
 from ..commands import FunctionPiece
 from ..model import Model
-from .package import Advance, Package, affine
+from .package import Advance, Package, affine, kept
 from .problem import Problem, Trajectory
 from .recorder import Recorder
 from .rosenbrock import RODAS4
@@ -17,8 +17,9 @@ from .steppers import ONE_STEP
 EXPLICIT, IMPLICIT = Package(ONE_STEP["tsit5"]), Package(RODAS4)
 # Real stability interval of tsit5, |R(z)| <= 1 for z in (-3.0, 0).
 EXPLICIT_REACH = 3.0
-# Steps of a look at what accuracy allows, and the longest stretch without looking.
-LOOK, LONGEST = 12, 1600
+# Steps of the first look at what accuracy allows (the first size is a guess, and grows by 5 at
+# most), of later ones (from the size reached before), and the longest stretch without looking.
+LOOK, LOOK_AGAIN, LONGEST = 12, 4, 1600
 # Beyond this many coordinates a Jacobian takes minutes to compile and as long as hundreds of
 # explicit steps to evaluate and factor: `tsit5` throughout.
 LARGE = 100
@@ -45,7 +46,7 @@ class Auto:
         EXPLICIT.prepare(model)
         if model.n_q <= LARGE:
             IMPLICIT.prepare(model)
-            model.compiled("ode_jacobian")
+            kept(model, "ode_jacobian")
 
     def integrate(self, problem: Problem) -> Trajectory:
         """Run, looking at the stiffness from time to time."""
@@ -56,50 +57,63 @@ class Auto:
             found = EXPLICIT.integrate(problem)
             note = f"tsit5 throughout: more than {LARGE} coordinates"
             return replace(found, method="auto: tsit5", note=note)
-        recorder = Recorder(problem)
-        jacobian = problem.model.compiled("ode_jacobian")
-        run = Advance(problem, recorder)
-        uses: list[tuple[float, str, str]] = []
-        method, why, failure = IMPLICIT, "a first look at the step that accuracy allows", ""
-        # Stretches grow while a method stays the choice; a short look follows a change.
-        most = stretch = LOOK
-        for piece in affine(self.name, problem):
-            while run.t < piece.t_end and not failure:
-                if not uses or uses[-1][1] != method.name:
-                    uses.append((run.t, method.name, why))
-                failure = run.over(method, piece, piece.t_end, most)
-                if failure and method is EXPLICIT:
-                    failure, method, why, most = "", IMPLICIT, "tsit5 failed", LOOK
-                    run.h = None  # the collapsed step is no start for another method
-                    continue
-                before = method
-                method, why = self._choice(jacobian, run, method, piece(run.t))
-                if method is EXPLICIT:
-                    most = stretch = min(2 * stretch, LONGEST)
-                else:
-                    most = LOOK if before is EXPLICIT else min(2 * most, LONGEST)
-            if failure:
-                break
-        note = "; ".join(f"{name} from t = {t:.3g} s ({why})" for t, name, why in uses)
-        used = "+".join(dict.fromkeys(name for _, name, _ in uses))
-        return recorder.finish(f"auto: {used}", failure, note)
+        return _Choosing(problem).run(self.name)
 
-    @staticmethod
-    def _choice(
-        jacobian: Bound, run: Advance, method: Package, u: np.ndarray
-    ) -> tuple[Package, str]:
-        """The method for the next steps, and why."""
-        step, n_q = run.h or 0.0, run.problem.model.n_q
-        fastest = _fastest_rate(jacobian, run, u)
-        allowed = EXPLICIT_REACH / max(fastest, 1e-300)
-        if method is IMPLICIT:
-            stiff = step > cost_ratio(n_q) * allowed
-            text = f"accuracy allows steps of {step:.2g} s, explicit stability {allowed:.2g} s"
-            return (IMPLICIT if stiff else EXPLICIT), text
-        # An explicit step close to its stability limit hides what accuracy would allow: look again.
-        if step > 0.5 * allowed:
-            return IMPLICIT, f"explicit steps of {step:.2g} s are at the stability limit"
-        return EXPLICIT, ""
+
+class _Choosing:
+    """A run under way with two methods."""
+
+    def __init__(self, problem: Problem):
+        self._problem, self._recorder = problem, Recorder(problem)
+        self._advance = Advance(problem, self._recorder)
+        self._jacobian = kept(problem.model, "ode_jacobian")
+        self._uses: list[tuple[float, str, str]] = []
+        self._sizes: dict[str, float | None] = {}  # each method's own step goes on where it was
+        self._stretch = LOOK
+
+    def run(self, name: str) -> Trajectory:
+        """Piece by piece, stretch by stretch; stretches grow while a method stays the choice."""
+        method, most, failure = IMPLICIT, LOOK, ""
+        run, recorder = self._advance, self._recorder
+        self._uses.append((run.t, method.name, "a first look at the step that accuracy allows"))
+        for piece in affine(name, self._problem):
+            while run.t < piece.t_end and not (failure or recorder.ended):
+                run.h = self._sizes.get(method.name, run.h)
+                failure = run.over(method, piece, piece.t_end, most)
+                self._sizes[method.name] = run.h
+                if failure and method is EXPLICIT:
+                    # Its collapsed step is no start for another method.
+                    failure, method, most = "", IMPLICIT, LOOK
+                    self._sizes = {method.name: None, EXPLICIT.name: None}
+                    self._uses.append((run.t, method.name, "tsit5 failed"))
+                else:
+                    method, most = self._next(method, most, piece(run.t))
+            if failure or recorder.ended:
+                break
+        note = "; ".join(f"{used} from t = {t:.3g} s ({why})" for t, used, why in self._uses)
+        names = "+".join(dict.fromkeys(used for _, used, _ in self._uses))
+        return recorder.finish(f"{name}: {names}", failure, note)
+
+    def _next(self, method: Package, most: int, u: np.ndarray) -> tuple[Package, int]:
+        """The method for the next steps, and how many."""
+        run = self._advance
+        step, cost = run.h or 0.0, cost_ratio(self._problem.model.n_q)
+        allowed = EXPLICIT_REACH / max(_fastest_rate(self._jacobian, run, u), 1e-300)
+        if method is EXPLICIT:
+            # At its stability limit, an explicit step hides what accuracy would allow: look again.
+            hidden = step > 0.5 * allowed
+            self._stretch = min(3 * self._stretch, LONGEST)
+            return (IMPLICIT, LOOK_AGAIN) if hidden else (EXPLICIT, self._stretch)
+        if step > cost * allowed:
+            if self._uses[-1][1] == EXPLICIT.name:
+                why = f"explicit steps of {allowed:.2g} s are at the stability limit"
+                self._uses.append((run.t, IMPLICIT.name, why))
+                self._stretch = LOOK
+            return IMPLICIT, min(2 * most, LONGEST)
+        if self._uses[-1][1] == IMPLICIT.name:
+            why = f"accuracy allows steps of {step:.2g} s, explicit stability {allowed:.2g} s"
+            self._uses.append((run.t, EXPLICIT.name, why))
+        return EXPLICIT, self._stretch
 
 
 def _fastest_rate(jacobian: Bound, run: Advance, u: np.ndarray) -> float:
@@ -107,12 +121,13 @@ def _fastest_rate(jacobian: Bound, run: Advance, u: np.ndarray) -> float:
     jacobian.inputs.x[:], jacobian.inputs.u[:] = run.x, u
     jacobian.inputs.theta[:] = run.theta
     jacobian.run()
-    F_x, size = jacobian.outputs.F_x, 0.0
-    vector = np.ones(len(run.x))
-    for _ in range(8):
-        vector = np.einsum("ij,j->i", F_x, vector)  # too small for BLAS and its threads
-        size = float(np.max(np.abs(vector)))
-        if not np.isfinite(size) or size == 0:
-            return 0.0
-        vector = vector / size
-    return size
+    F_x = jacobian.outputs.F_x
+    scale = float(np.abs(F_x).max())
+    if not 0 < scale < np.inf:
+        return 0.0
+    scaled, before = F_x / scale, np.ones(len(run.x))
+    for _ in range(7):
+        before = scaled @ before
+    after = scaled @ before
+    size = np.abs(before).max()
+    return float(scale * np.abs(after).max() / size) if size > 0 else 0.0

@@ -61,7 +61,7 @@ class Collocation:
     def step(self, plant: Plant, at: At) -> Step:
         """The step after `newton` corrections; `slack` is the last one relative to the stages."""
         stages, slack, _ = self._solved(plant, at)
-        return Step(self._end(plant, at, stages), at.zeros(at.x.shape[0]), slack)
+        return self._finished(plant, at, stages, slack)
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """By the implicit function theorem, with Jacobians at the stages.
@@ -90,8 +90,7 @@ class Collocation:
         bent = at.h * same[n : 2 * n, :] + at.h**2 * combined(self.b @ self.a, d_stages)[:n, :]
         total = same + ca.vertcat(bent, at.h * combined(self.b, d_stages))
         blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
-        step = Step(self._end(plant, at, stages), at.zeros(n_x), slack)
-        return step, Sensitivity(*blocks)
+        return self._finished(plant, at, stages, slack), Sensitivity(*blocks)
 
     def _solved(self, plant: Plant, at: At) -> tuple[list[ca.MX], ca.MX, tuple]:
         """The stages, their last correction, and the Newton matrix with what it is made of.
@@ -107,10 +106,7 @@ class Collocation:
         stages = [xdot[n:]] * s
         change = xdot[n:]
         for _ in range(self.newton):
-            residuals = [
-                plant.form.residual(*self._arguments(plant, at, stages, i)) for i in range(s)
-            ]
-            change = factor.solve(ca.vertcat(*residuals))
+            change = factor.solve(self._residuals(plant, at, stages))
             corrections = ca.vertsplit(change, n + plant.form.n_z)
             stages = [x - d for x, d in zip(stages, corrections, strict=True)]
         slack = ca.norm_inf(change) / (1 + ca.norm_inf(ca.vertcat(*stages)))
@@ -136,6 +132,16 @@ class Collocation:
                 row.append(block + M if i == j else block)
             rows.append(ca.horzcat(*row))
         return ca.vertcat(*rows)
+
+    def _residuals(self, plant: Plant, at: At, stages: list[ca.MX]) -> ca.MX:
+        """The stage equations, stacked."""
+        arguments = (self._arguments(plant, at, stages, i) for i in range(len(stages)))
+        return ca.vertcat(*(plant.form.residual(*each) for each in arguments))
+
+    def _finished(self, plant: Plant, at: At, stages: list[ca.MX], slack: ca.MX) -> Step:
+        residual = ca.norm_inf(self._residuals(plant, at, stages))
+        error = at.zeros(at.x.shape[0])
+        return Step(self._end(plant, at, stages), error, slack, residual)
 
     def _end(self, plant: Plant, at: At, stages: list[ca.MX]) -> ca.MX:
         n = plant.form.n_q

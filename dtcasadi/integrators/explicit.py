@@ -87,4 +87,4 @@ class Explicit:
         error = at.zeros(at.x.shape[0])
         if self.tableau.b_error is not None:
             error = at.h * combined(self.tableau.b_error, slopes)
-        return Step(at.x + at.h * combined(self.tableau.b, slopes), error, at.zeros(1))
+        return Step(at.x + at.h * combined(self.tableau.b, slopes), error, at.zeros(1), at.zeros(1))

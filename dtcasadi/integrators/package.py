@@ -2,14 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from threading import get_ident
 
 import numpy as np
 
+from ..bound import Bound
 from ..errors import SimulationError
+from ..events import Passed, guards_of
 from ..model import Model
 from ..profile import Piece
-from ..recentring import LIMIT, chart_limit, guard_indices, off_centre
-from .loop import Loop, LoopState, Stop, build_loop
+from ..recentring import LIMIT, NEAR, chart_limit, guard_indices, off_centre, singular_angles
+from .loop import Loop, build_loop
+from .loop_state import LoopState, Stop, Watched
 from .problem import Problem, Trajectory
 from .recorder import Recorder, segment_of
 from .stability import stability_limit
@@ -26,6 +30,7 @@ _WHY = {
     Stop.TOO_SMALL: "the step became too small for the tolerances",
     Stop.NOT_FINITE: "the step gave a state that is not finite",
     Stop.NEWTON: "the Newton iteration of the step did not converge",
+    Stop.SINGULAR: "the mass matrix lost its condition",
 }
 
 
@@ -67,7 +72,7 @@ class Package:
         failure = ""
         for piece in pieces:
             failure = run.over(self, piece, piece.t_end)
-            if failure:
+            if failure or recorder.ended:
                 break
         return recorder.finish(self.name, failure)
 
@@ -95,17 +100,21 @@ class Advance:
         self.x, self.theta = problem.x0.copy(), problem.theta.copy()
         self.t = problem.pieces[0].t_start
         self.h: float | None = None
-        self._guard = guard_indices(problem.model)
+        self._watched = watched(problem.model)
 
     def over(self, method: Package, piece: Piece, t_end: float, most: int | None = None) -> str:
-        """Advance to t_end inside a piece (or `most` steps); returns why it failed, or nothing."""
+        """Advance to t_end inside a piece (or `most` steps); returns why it failed, or nothing.
+
+        A terminal event ends it too; `recorder.ended` then names it.
+        """
         state = self._state(method, piece, t_end)
         loop = method.loop(self.problem.model)
         command = (piece(piece.t_start), np.asarray(piece.slope, dtype=float))
         state.capacity = CHUNK if most is None else most
         tried = rejected = 0
         while True:
-            why, t, x = loop.run(state, command, self.theta, self._guard, self.x)
+            guards = guards_of(self.problem.events, self.theta)
+            why, t, x = loop.run(state, command, self.theta, self._watched, self.x, guards)
             self.recorder.add(t, x, self.theta)
             self.recorder.rejected += state.rejected - rejected
             done = state.accepted + state.rejected
@@ -115,12 +124,14 @@ class Advance:
             self.problem.advance(self.t)
             if why is Stop.GUARD:
                 self._recentre()
-                if most is not None or self.t >= t_end:
-                    return ""
-            elif why is Stop.AT_END or (why is Stop.FULL and most is not None):
-                return ""
-            elif why is not Stop.FULL:
+            elif why is Stop.EVENT:
+                self._note_event(state.event)
+            elif why not in (Stop.AT_END, Stop.FULL):
                 return self._failure(method.name, why, state.h)
+            if why is Stop.AT_END or self.recorder.ended or state.accepted == most:
+                return ""
+            if most is not None:
+                state.capacity = most - state.accepted
             elif self.recorder.size > MOST_NUMBERS:
                 return (
                     f"{method.name}: stopped after t = {self.t:.6g} s: steps of {state.h:.2g} s "
@@ -149,19 +160,25 @@ class Advance:
             order=method.method.error_order + 1,
             slack_max=SLACK_MAX,
             limit=LIMIT,
+            near=NEAR,
             t_command=piece.t_start,
             adaptive=adaptive,
-            n_guard=len(self._guard),
         )
 
     def _first_step(self, piece: Piece) -> float:
         """Hairer, Norsett, Wanner, section II.4, without its second evaluation: 0.01 |x|/|xdot|."""
-        ode = self.problem.model.compiled("ode")
+        ode = kept(self.problem.model, "ode")
         rate = ode(self.x, piece(self.t), self.theta)
         scale = self.problem.atol + self.problem.rtol * np.abs(self.x)
         size, speed = np.max(np.abs(self.x) / scale), np.max(np.abs(rate) / scale)
         guess = 0.01 * size / speed if size > 1e-5 and speed > 1e-5 else 1e-6
         return float(min(max(guess, 1e-9 * piece.t_end), piece.t_end - self.t))
+
+    def _note_event(self, index: int) -> None:
+        event = self.problem.events[index]
+        self.recorder.events.append(Passed(event.name, self.t, self.x.copy(), self.theta.copy()))
+        if event.terminal:
+            self.recorder.ended = event.name
 
     def _recentre(self) -> None:
         model = self.problem.model
@@ -188,6 +205,21 @@ class Advance:
             f"{name}: {_WHY[why]} after t = {self.t:.6g} s (step {h:.2g} s, {where} moves "
             f"fastest); {hint}"
         )
+
+
+def kept(model: Model, name: str) -> Bound:
+    """A compiled Function's buffers, kept with the model for each thread."""
+    return model.once(("kept", name, get_ident()), lambda: model.compiled(name))
+
+
+def watched(model: Model) -> np.ndarray:
+    """States a run watches, rows (entry of x, `Watched`), shape (m, 2)."""
+    rows = [(int(k), Watched.LIMITED) for k in guard_indices(model)]
+    rows += [
+        (k, Watched.SINE if measure is np.sin else Watched.COSINE)
+        for k, measure in singular_angles(model)
+    ]
+    return np.array(rows, dtype=np.int64).reshape(-1, 2)
 
 
 def affine(name: str, problem: Problem) -> tuple[Piece, ...]:

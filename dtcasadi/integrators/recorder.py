@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from ..events import Passed
 from ..model import Model
+from .dense import Quintic
 from .problem import Problem, Trajectory
 
 
@@ -17,6 +19,8 @@ class Recorder:
         self._thetas = [(1, problem.theta)]  # counts of samples
         self.size = 0
         self.recentrings: list[tuple[float, tuple[int, ...]]] = []
+        self.events: list[Passed] = []
+        self.ended = ""
         self.rejected = 0
         self.evaluations = 0
 
@@ -42,68 +46,21 @@ class Recorder:
         ends = np.concatenate(self._ends).T if self._ends else np.zeros((n_x, 0))
         counts, thetas = zip(*self._thetas, strict=True)
         thetas_all = np.repeat(np.array(thetas).T, counts, axis=1)
-        problem = self._problem
         return Trajectory(
             t,
             x,
             ends,
             thetas_all,
-            lambda nodes: _quintic(problem, t, x, ends, thetas_all, nodes),
+            Quintic(self._problem, t, x, ends, thetas_all),
             method,
             failure,
             note,
             self.evaluations,
             self.rejected,
             tuple(self.recentrings),
+            tuple(self.events),
+            self.ended,
         )
-
-
-def _quintic(
-    problem: Problem,
-    t: np.ndarray,
-    x: np.ndarray,
-    ends: np.ndarray,
-    thetas: np.ndarray,
-    nodes: np.ndarray,
-) -> np.ndarray:
-    """States inside the steps: q by quintic Hermite from q, qd, qdd at both ends, qd its slope.
-
-    Actuator states by cubic Hermite.
-    """
-    model = problem.model
-    n, h = model.n_q, np.diff(t)
-    starts = x[:, :-1]
-    first = _rates(problem, t[:-1], starts, thetas[:, :-1], at_start=True)
-    second = _rates(problem, t[1:], ends, thetas[:, :-1], at_start=False)
-    s = ((nodes.reshape(-1, 3).T - t[:-1]) / h)[:, np.newaxis, :]
-    q0, v0, a0 = starts[:n], h * starts[n : 2 * n], h**2 * first[n : 2 * n]
-    q1, v1, a1 = ends[:n], h * ends[n : 2 * n], h**2 * second[n : 2 * n]
-    c3 = 10 * (q1 - q0) - 6 * v0 - 4 * v1 - (3 * a0 - a1) / 2
-    c4 = -15 * (q1 - q0) + 8 * v0 + 7 * v1 + (3 * a0 - 2 * a1) / 2
-    c5 = 6 * (q1 - q0) - 3 * (v0 + v1) - (a0 - a1) / 2
-    q = q0 + s * (v0 + s * (a0 / 2 + s * (c3 + s * (c4 + s * c5))))
-    v = (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
-    z0, z1 = starts[2 * n :], ends[2 * n :]
-    d0, d1 = h * first[2 * n :], h * second[2 * n :]
-    z = z0 + s * (d0 + s * (3 * (z1 - z0) - 2 * d0 - d1 + s * (2 * (z0 - z1) + d0 + d1)))
-    return np.concatenate([q, v, z], axis=1).transpose(1, 2, 0).reshape(model.n_x, -1)
-
-
-def _rates(
-    problem: Problem, t: np.ndarray, x: np.ndarray, thetas: np.ndarray, *, at_start: bool
-) -> np.ndarray:
-    """State derivatives at one end of every step, shape (n_x, n - 1)."""
-    ode = problem.model.compiled("ode")
-    starts = np.array([piece.t_start for piece in problem.pieces])
-    after = np.searchsorted(starts, t, side="right" if at_start else "left")
-    owners = np.maximum(after - 1, 0)
-    rates = np.empty_like(x)
-    for k in range(x.shape[1]):
-        ode.inputs.x[:], ode.inputs.theta[:] = x[:, k], thetas[:, k]
-        ode.inputs.u[:] = problem.pieces[owners[k]](t[k])
-        ode.run()
-        rates[:, k] = ode.outputs.xdot
-    return rates
 
 
 def segment_of(model: Model, coordinate: int) -> int:

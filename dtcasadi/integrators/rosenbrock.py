@@ -11,6 +11,7 @@ M/(h gamma) + D + h gamma K with d tau/d qdd = M, d tau/d v = D, d tau/d q = K.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -78,7 +79,7 @@ class Rosenbrock:
         """Number of stages."""
         return len(self.m)
 
-    @property
+    @cached_property
     def evaluations(self) -> int:
         """Calls of the dynamics in one step."""
         return 1 + sum(bool(np.any(row)) for row in self.A)
@@ -96,7 +97,7 @@ class Rosenbrock:
     def step(self, plant: Plant, at: At) -> Step:
         """All stages with one factorization."""
         x_next, error, _ = self._solved(plant, at)
-        return Step(x_next, error, at.zeros(1))
+        return Step(x_next, error, at.zeros(1), at.zeros(1))
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """Exact: the step differentiated, second derivatives of the dynamics included (slow).
@@ -126,7 +127,7 @@ class Rosenbrock:
             stages.append(ca.vertcat((r_q + k_v[:n, :]) / sigma, k_v))
         total = start + combined(self.m, stages)
         blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
-        return Step(x_next, error, at.zeros(1)), Sensitivity(*blocks)
+        return Step(x_next, error, at.zeros(1), at.zeros(1)), Sensitivity(*blocks)
 
     def _solved(self, plant: Plant, at: At) -> tuple[ca.MX, ca.MX, tuple]:
         """x_next, the error estimate and the matrices of the step."""

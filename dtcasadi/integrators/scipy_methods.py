@@ -8,7 +8,7 @@ from scipy.integrate import BDF, DOP853, LSODA, RK23, RK45, OdeSolution, OdeSolv
 
 from ..model import Model
 from ..recentring import chart_limit
-from .problem import Problem, Trajectory
+from .problem import Problem, Trajectory, refuse_events
 
 _SOLVERS = {solver.__name__: solver for solver in (LSODA, Radau, BDF, DOP853, RK45, RK23)}
 _WITH_JACOBIAN = frozenset({"LSODA", "Radau", "BDF"})
@@ -32,6 +32,7 @@ class Scipy:
 
     def integrate(self, problem: Problem) -> Trajectory:
         """Run piece by piece; a failing piece ends the run at its last good state."""
+        refuse_events(self.name, problem)
         ode = problem.model.compiled("ode")
         ode.inputs.theta[:] = problem.theta
         jacobian = ode

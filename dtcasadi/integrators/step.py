@@ -60,13 +60,15 @@ class At(NamedTuple):
 class Step(NamedTuple):
     """One step.
 
-    x_next (n_x,); error (n_x,), the embedded estimate, zero without one; slack, how far the stage
-    equations are from solved, relative to the stages (zero for methods that iterate nothing).
+    x_next (n_x,); error (n_x,), the embedded estimate, zero without one; slack, the last correction
+    of the stages relative to them, and residual, the largest entry of the stage equations after it
+    [N m, or kg m^2/s for methods on (q, p)]; both zero for methods that iterate nothing.
     """
 
     x_next: ca.MX
     error: ca.MX
     slack: ca.MX
+    residual: ca.MX
 
 
 class Sensitivity(NamedTuple):

@@ -51,6 +51,7 @@ def step_function(method: OneStep, plant: Plant) -> ca.Function:
     """The step with free size: x, u, du, h, theta -> x_next, error, slack."""
     at = symbols(plant)
     step = method.step(plant, at)
-    outputs = [ca.densify(part) for part in step]
+    ports = ["x_next", "error", "slack"]
+    outputs = [ca.densify(getattr(step, port)) for port in ports]
     name = f"step_{method.name}"
-    return ca.Function(name, list(at), outputs, list(At._fields), list(step._fields), {"cse": True})
+    return ca.Function(name, list(at), outputs, list(At._fields), ports, {"cse": True})

@@ -10,7 +10,7 @@ from ..compile import external_with_jacobian
 from ..model import Model
 from ..profile import Piece
 from .package import affine
-from .problem import Problem, Trajectory
+from .problem import Problem, Trajectory, refuse_events
 
 # Output times per piece; the solvers do not say which steps they took in between.
 GRID = 200
@@ -29,6 +29,7 @@ class Sundials:
 
     def integrate(self, problem: Problem) -> Trajectory:
         """Run piece by piece on a grid; a failing piece ends the run before it."""
+        refuse_events(self.name, problem)
         ode = problem.model.compiled("ode")
         pieces = affine(self.name, problem)
         t, x, failure = pieces[0].t_start, problem.x0, ""

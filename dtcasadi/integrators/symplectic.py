@@ -107,14 +107,7 @@ class Symplectic:
         V = ca.vertcat(*(v + c[i] * at.h * a for i in range(s)))
         change = V
         for _ in range(self.newton):
-            rates = ca.vertsplit(V, n)
-            poses = [q + at.h * combined(self.a[i], rates) for i in range(s)]
-            pushes = self._pushes(plant, at, poses, rates)
-            residuals = [
-                plant.momenta(poses[i], rates[i], at.theta) - p - at.h * combined(self.a[i], pushes)
-                for i in range(s)
-            ]
-            change = factor.solve(ca.vertcat(*residuals))
+            change = factor.solve(self._residuals(plant, at, q, p, V))
             V = V - change
         rates = ca.vertsplit(V, n)
         poses = [q + at.h * combined(self.a[i], rates) for i in range(s)]
@@ -122,11 +115,21 @@ class Symplectic:
         q_next = q + at.h * combined(self.b, rates)
         v_next = plant.rates(q_next, p_next, at.theta)
         slack = ca.norm_inf(change) / (1 + ca.norm_inf(V))
-        return Step(ca.vertcat(q_next, v_next), at.zeros(2 * n), slack)
+        residual = ca.norm_inf(self._residuals(plant, at, q, p, V))
+        return Step(ca.vertcat(q_next, v_next), at.zeros(2 * n), slack, residual)
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
         """The iteration differentiated; always exact."""
         return self.step(plant, at), differentiated(self, plant, at)
+
+    def _residuals(self, plant: Plant, at: At, q: ca.MX, p: ca.MX, V: ca.MX) -> ca.MX:
+        """The stage equations for the momenta, stacked."""
+        stages = range(len(self.b))
+        rates = ca.vertsplit(V, plant.form.n_q)
+        poses = [q + at.h * combined(self.a[i], rates) for i in stages]
+        pushes = self._pushes(plant, at, poses, rates)
+        momenta = [plant.momenta(poses[i], rates[i], at.theta) for i in stages]
+        return ca.vertcat(*(momenta[i] - p - at.h * combined(self.a[i], pushes) for i in stages))
 
     def _pushes(self, plant: Plant, at: At, poses: list[ca.MX], rates: list[ca.MX]) -> list[ca.MX]:
         """Force dL/dq + Q at the stages."""

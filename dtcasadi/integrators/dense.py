@@ -1,0 +1,80 @@
+"""Dense output: states between the accepted steps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Quintic:
+    """q by quintic Hermite from q, qd, qdd at both ends of a step, qd its slope; O(h^6) in q.
+
+    Actuator states by cubic Hermite. Any method's steps can be joined so: all it takes is the state
+    equation at their ends (Hairer, Norsett, Wanner I, section II.6).
+
+    Attributes:
+        problem: whose state equation gives the rates.
+        t: times of the steps, shape (n,) [s].
+        x: states at the start of each step, and the last, shape (n_x, n).
+        ends: states at the end of each step in the step's own coordinates, shape (n_x, n - 1).
+        thetas: parameters of each step, shape (n_theta, n).
+    """
+
+    problem: Problem
+    t: np.ndarray
+    x: np.ndarray
+    ends: np.ndarray
+    thetas: np.ndarray
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """States at some times, shape (m,) -> (n_x, m), in the coordinates of the step they are in.
+
+        A time between two steps belongs to the later one.
+        """
+        owner = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
+        steps, place = np.unique(owner, return_inverse=True)
+        n, h = self.problem.model.n_q, np.diff(self.t)[steps]
+        starts, ends = self.x[:, steps], self.ends[:, steps]
+        first = self._rates(steps, starts, at_start=True)
+        second = self._rates(steps, ends, at_start=False)
+        q0, v0, a0 = starts[:n], h * starts[n : 2 * n], h**2 * first[n : 2 * n]
+        q1, v1, a1 = ends[:n], h * ends[n : 2 * n], h**2 * second[n : 2 * n]
+        c3 = 10 * (q1 - q0) - 6 * v0 - 4 * v1 - (3 * a0 - a1) / 2
+        c4 = -15 * (q1 - q0) + 8 * v0 + 7 * v1 + (3 * a0 - 2 * a1) / 2
+        c5 = 6 * (q1 - q0) - 3 * (v0 + v1) - (a0 - a1) / 2
+        z0, z1 = starts[2 * n :], ends[2 * n :]
+        d0, d1 = h * first[2 * n :], h * second[2 * n :]
+        s = (times - self.t[owner]) / h[place]
+        bent = _polynomial(s, (q0, v0, a0 / 2, c3, c4, c5), place)
+        slope = _polynomial(s, (v0, a0, 3 * c3, 4 * c4, 5 * c5), place) / h[place]
+        other = _polynomial(
+            s, (z0, d0, 3 * (z1 - z0) - 2 * d0 - d1, 2 * (z0 - z1) + d0 + d1), place
+        )
+        return np.concatenate([bent, slope, other])
+
+    def _rates(self, steps: np.ndarray, x: np.ndarray, *, at_start: bool) -> np.ndarray:
+        """State derivatives at one end of some steps, shape (n_x, m)."""
+        pieces = self.problem.pieces
+        ode = self.problem.model.compiled("ode")
+        t = self.t[steps if at_start else steps + 1]
+        starts = np.array([piece.t_start for piece in pieces])
+        after = np.searchsorted(starts, t, side="right" if at_start else "left")
+        rates = np.empty_like(x)
+        for k, piece in enumerate(np.maximum(after - 1, 0)):
+            ode.inputs.x[:], ode.inputs.theta[:] = x[:, k], self.thetas[:, steps[k]]
+            ode.inputs.u[:] = pieces[piece](t[k])
+            ode.run()
+            rates[:, k] = ode.outputs.xdot
+        return rates
+
+
+def _polynomial(
+    s: np.ndarray, coefficients: tuple[np.ndarray, ...], place: np.ndarray
+) -> np.ndarray:
+    """Horner's rule with the coefficients of step place[k] at s[k]."""
+    value = coefficients[-1][:, place]
+    for coefficient in coefficients[-2::-1]:
+        value = coefficient[:, place] + s * value
+    return value
