@@ -32,6 +32,8 @@ from .style import (
 
 _GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "psi": "ψ", "phi": "φ"}
 _HEIGHT_IN = 4.6  # wanted height of a filmstrip
+# Coordinates that were re-centred are converted one by one, a millisecond each.
+_MOST_CONVERTED = 2000
 _STILL = 1e-6  # a coordinate that changes less does not move [rad]
 
 
@@ -119,7 +121,8 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     """Generalized coordinates against time, the paper's Fig. 4.
 
     One panel for each kind of coordinate, one line for each segment; coordinates that stay
-    constant are named in the title instead.
+    constant are named in the title instead. Where charts were re-centred on the way, coordinates
+    are those about the robot's own A and B.
 
     Args:
         run: the run.
@@ -129,6 +132,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
         PictureError: another suffix.
         OSError: the file cannot be written.
     """
+    t, q = _coordinates(run)
     kinds: dict[str, list[tuple[int, int]]] = {}
     for row, name in enumerate(run.model.coordinate_names):
         kind, _, number = name.rpartition("_")
@@ -136,7 +140,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     moving = {
         kind: rows
         for kind, rows in kinds.items()
-        if any(np.ptp(run.q[row]) > _STILL for row, _ in rows)
+        if any(np.ptp(q[row]) > _STILL for row, _ in rows)
     }
     shown = moving or kinds
     columns = 1 if len(shown) == 1 else 2
@@ -147,8 +151,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
     axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
     for place, (kind, rows) in zip(axes.flat, shown.items(), strict=False):
         for row, segment in rows:
-            t, q = _broken(run, segment, run.q[row])
-            place.plot(t, q, color=colours[segment - 1], label=f"segment {segment}")
+            place.plot(t, q[row], color=colours[segment - 1], label=f"segment {segment}")
         place.set_ylabel(f"{_name(kind)} [rad]")
         _time_axis(place, run)
     for place in axes.flat[len(shown) :]:
@@ -241,19 +244,20 @@ def _steps(values: np.ndarray) -> str:
     return "default" if np.any(changes[1:] & changes[:-1]) else "steps-post"
 
 
-def _broken(run: Run, segment: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values with a gap at each re-centring of the segment, where they start anew."""
-    moments = [time for time, segments in run.recentrings if segment in segments]
-    places = np.searchsorted(run.t, np.array(moments))
-    return np.insert(run.t, places, np.nan), np.insert(values, places, np.nan)
+def _coordinates(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Times and coordinates to draw, each about one A and B all along."""
+    if not run.recentrings:
+        return run.t, run.q
+    some = run.at(
+        run.t[np.unique(np.linspace(0, len(run.t) - 1, _MOST_CONVERTED).round().astype(int))]
+    )
+    return some.t, some.coordinates([chart.name for chart in run.model.charts])[0]
 
 
 def _time_axis(axes: Axes, run: Run) -> None:
     end = run.t[-1] if run.t[-1] > run.t[0] else run.t[0] + 1.0
     axes.set_xlim(run.t[0], end)
     axes.grid(color="#dddddd", linewidth=0.6)
-    for moment, _ in run.recentrings:
-        axes.axvline(moment, color=GREY, linewidth=0.6, linestyle=":")
 
 
 def _legend_above(axes: Axes, columns: int) -> None:

@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 _SLACK_SAMPLES = 200
 
 
-def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings: Any) -> "Run":
+def simulated(
+    scene: "Scene", report: Report, build: dict[str, Any], *, force: bool = False, **settings: Any
+) -> "Run":
     """Build, compile and integrate a scene, each phase timed and reported.
 
     Args:
         scene: the scene.
         report: where to say so.
         build: options that replace the scene's.
+        force: take a fixed step beyond the linear stability limit.
         settings: fields of the scene to replace, such as t_end; None leaves them.
 
     Raises:
@@ -54,6 +57,7 @@ def simulated(scene: "Scene", report: Report, build: dict[str, Any], **settings:
         rtol=scene.rtol,
         atol=scene.atol,
         step_s=scene.step_s,
+        force=force,
     )
     checks = time.perf_counter() - start - run.wall_time
     report.line("integrate            {integrate:8.3f} s", integrate=run.wall_time)
@@ -104,6 +108,9 @@ def health(run: "Run", report: Report) -> None:
         rejected=run.rejected,
         evaluations=run.evaluations,
     )
+    report.note(choice=run.choice)
+    if run.choice:
+        report.line("why: {choice}", choice=run.choice)
     energy = run.energy
     report.line(
         "energy: kinetic {kinetic_J:.4g} J, potential {potential_change_J:+.4g} J since the start, "

@@ -18,6 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", metavar="NAME", help="integration method")
     parser.add_argument("--t-end", metavar="S", type=float, help="duration [s]")
     parser.add_argument("--step", metavar="S", type=float, help="step of a fixed-step method [s]")
+    parser.add_argument(
+        "--force", action="store_true", help="take a step beyond the linear stability limit"
+    )
     parser.add_argument("--rtol", metavar="X", type=float, help="relative tolerance")
     parser.add_argument("--atol", metavar="X", type=float, help="absolute tolerance")
 
@@ -35,6 +38,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
         scene,
         report,
         {"chart": options.chart} if options.chart else {},
+        force=options.force,
         method=options.method,
         t_end=options.t_end,
         step_s=options.step,

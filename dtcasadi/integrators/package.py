@@ -80,7 +80,10 @@ class Package:
         if self.method.error_order:
             return
         if problem.step_s is None:
-            raise SimulationError(f"step_s: method {self.name} needs a step [s], got None")
+            raise SimulationError(
+                f"step_s: expected a step [s] for method {self.name}, which has no error control, "
+                "got none (on the command line: --step)"
+            )
         if problem.force or self.method.a_stable:
             return
         limit = stability_limit(problem, self.method)
@@ -88,7 +91,7 @@ class Package:
             raise SimulationError(
                 f"step_s: {problem.step_s:g} s is beyond the linear stability limit {limit:.3g} s "
                 f"of {self.name} at the start; take a smaller step, an L-stable method (rodas4, "
-                "radau5), or force=True"
+                "radau5), or force=True (--force)"
             )
 
 
