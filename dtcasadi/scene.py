@@ -58,6 +58,11 @@ discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they 
     [run]
     t_end, rtol * = 1e-6, atol * = 1e-8, method * = "auto", step * [s]
 
+    [measure] *                 what `dtcasadi bench stability` asks of a method (`Measure`)
+    text                        the measure in a line for people
+    smallest_step * = 1e-4      [s]
+    bound_of *                  a shipped scene
+
 Where a list with a number for each segment or chamber is asked for, one number stands for all. The
 angle of a rim point runs from the thread counterclockwise as seen from +z (`presets.rim`).
 
@@ -67,7 +72,7 @@ whichever table it comes from. Springs are numbered by their tables.
 
 import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -78,6 +83,7 @@ import numpy as np
 from . import checks
 from .charts import charts_of, convert
 from .errors import SceneError
+from .measure import Measure
 from .profile import Profile
 from .robot import Robot
 from .scene_file import MAX_BYTES, is_name, read_scene
@@ -85,6 +91,8 @@ from .scene_settings import DEFAULT_CHART
 from .scene_tables import printable
 
 if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
     from .model import Model
 
 
@@ -108,6 +116,7 @@ class Scene:
         atol: absolute tolerance of the integration.
         method: integration method.
         step_s: step of a fixed-step method [s]; default: the method's choice.
+        measure: what the stability map asks of a method.
 
     Raises:
         SceneError: naming the field, what was expected and what was given.
@@ -128,12 +137,14 @@ class Scene:
     atol: float = 1e-8
     method: str = "auto"
     step_s: float | None = None
+    measure: Measure = Measure()
 
     def __post_init__(self) -> None:
         """Check every field."""
         if not isinstance(self.name, str) or not is_name(self.name):
             raise _error("name", "lower-case words joined by _", checks.shown(self.name))
-        for key, kind in (("robot", Robot), ("pressure", Profile), ("options", dict)):
+        kinds = (("robot", Robot), ("pressure", Profile), ("options", dict), ("measure", Measure))
+        for key, kind in kinds:
             if not isinstance(getattr(self, key), kind):
                 raise _error(key, f"a {kind.__name__}", checks.shown(getattr(self, key)))
         n_u = len(self.robot.chambers)
@@ -183,23 +194,30 @@ class Scene:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the scenes that come with the package, sorted."""
-    files = resources.files(__package__).joinpath("scenes").iterdir()
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+    """Names of the scenes that come with the package, sorted, those of folders as `folder/name`."""
+    return tuple(sorted(_names_in(resources.files(__package__).joinpath("scenes"), "")))
+
+
+def _names_in(folder: "Traversable", prefix: str) -> Iterator[str]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _names_in(entry, f"{prefix}{entry.name}/")
+        elif entry.name.endswith(".toml"):
+            yield prefix + entry.name.removesuffix(".toml")
 
 
 def load_scene(path_or_name: str | os.PathLike[str]) -> Scene:
     """A scene from a TOML file, or one that comes with the package.
 
     Args:
-        path_or_name: a path, or a name of `scene_names()`. A string is a name if it consists of
-            lower-case words joined by underscores: write `./scene` for a file called `scene`.
+        path_or_name: a path, or a name of `scene_names()`. A string of lower-case words joined by
+            underscores is always a name: write `./scene` for a file called `scene`.
 
     Raises:
         SceneError: the file cannot be read or is wrong; a line for each error,
             `file: table.key: expected ..., got ...`.
     """
-    if isinstance(path_or_name, str) and is_name(path_or_name):
+    if isinstance(path_or_name, str) and (is_name(path_or_name) or path_or_name in scene_names()):
         return _shipped(path_or_name)
     path = os.fspath(path_or_name) if isinstance(path_or_name, str | os.PathLike) else None
     if not isinstance(path, str):
@@ -227,14 +245,15 @@ def parse_scene(data: bytes, source: str = "scene", name: str = "scene") -> Scen
 
 
 def _shipped(name: str) -> Scene:
-    if name not in scene_names():
-        near = difflib.get_close_matches(name, scene_names(), 1)
+    known = scene_names()
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1)
         hint = f" (did you mean {near[0]}?)" if near else ""
-        names = ", ".join(scene_names())
+        names = ", ".join(other for other in known if "/" not in other)
         expected = f"a path such as ./{name}.toml, or one of {names}{hint}"
         raise SceneError([f"scene: expected {expected}, got {name!r}"])
-    file = resources.files(__package__).joinpath("scenes", f"{name}.toml")
-    return parse_scene(file.read_bytes(), f"{name}.toml", name)
+    file = resources.files(__package__).joinpath("scenes", *f"{name}.toml".split("/"))
+    return parse_scene(file.read_bytes(), f"{name}.toml", name.rpartition("/")[2])
 
 
 def _bytes_of(path: str, source: str) -> bytes:

@@ -7,8 +7,8 @@ from typing import Any
 from . import checks
 from .errors import SceneError
 from .scene_robot import RobotPart, read_robot
-from .scene_settings import read_initial, read_model, read_pressure, read_run
-from .scene_tables import Faults, Table, printable
+from .scene_settings import read_initial, read_measure, read_model, read_pressure, read_run
+from .scene_tables import LINE, Faults, Table, is_line, printable
 
 SCHEMA = 1
 MAX_BYTES = 1_000_000
@@ -42,7 +42,7 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     _check_schema(top)
     fields: dict[str, Any] = {
         "name": top.text("name", _NAME_TEXT, is_name, default=name),
-        "title": top.text("title", "one line of text", _is_title, default=name),
+        "title": top.text("title", LINE, is_line, default=name),
     }
     robot_table = top.table("robot")
     robot = read_robot(robot_table) if robot_table else RobotPart(None, None, None)
@@ -52,6 +52,7 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     pressure = read_pressure(top.table("pressure", default=None), robot.n_chambers)
     run_table = top.table("run")
     fields |= read_run(run_table) if run_table else {}
+    fields["measure"] = read_measure(_optional(top, "measure"))
     top.close()
     faults.check()
     return fields | {"robot": robot.robot, "options": options, "pressure": pressure}
@@ -93,7 +94,3 @@ def _toml(data: bytes, source: str) -> dict[str, Any]:
 
 def _unreadable(source: str, expected: str, got: str) -> SceneError:
     return SceneError([printable(f"{source}: expected {expected}, got {got}")])
-
-
-def _is_title(text: str) -> bool:
-    return text.isprintable() and 0 < len(text.strip()) and len(text) <= 200

@@ -1,5 +1,6 @@
 """The tables of a scene file beside `[robot]`; their keys are listed in `dtcasadi.scene`."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -7,14 +8,17 @@ import numpy as np
 from . import checks
 from .actuators import Regulator
 from .charts import CHARTS, Chart, charts_of
+from .measure import Measure
 from .profile import Profile
-from .scene_tables import Table, given, one_of
+from .scene_tables import LINE, Table, given, is_line, one_of
 from .scene_units import ANGLE, ANGLE_RATE, PRESSURE, PRESSURE_RATE, TIME
 
 Charts = tuple[Chart, ...] | None  # None: faults hide them
 DEFAULT_CHART = "cardan"
 _COORDINATES = tuple(dict.fromkeys(n for c in CHARTS.values() for n in c.coordinate_names))
 _NO_CHAMBERS = "no pressure for a robot without chambers"
+# Of a scene that comes with the package: no path.
+_SHIPPED = re.compile(r"([a-z0-9_]+/)?[a-z0-9_]+")
 _METHOD = "the name of an integration method"
 
 
@@ -98,6 +102,17 @@ def read_run(table: Table) -> dict[str, Any]:
     return given(fields)
 
 
+def read_measure(table: Table) -> Measure:
+    """The measure of `[measure]`."""
+    fields = {
+        "text": table.text("text", LINE, is_line, default=None),
+        "smallest_step_s": table.number("smallest_step", TIME, default=None, positive=True),
+        "bound_of": table.text("bound_of", "the name of a scene", _is_shipped, default=None),
+    }
+    table.close()
+    return table.make(Measure, **given(fields)) or Measure()
+
+
 def _read_chart(table: Table, n_segments: int | None, options: dict[str, Any]) -> Charts:
     """The chart of each segment; the key as given goes into the options."""
     expected = f"{one_of(CHARTS)}, or a list of them"
@@ -160,6 +175,10 @@ def _read_named(table: Table, charts: Charts) -> np.ndarray | None:
         return None
     names = [(i, name) for i, chart in enumerate(charts) for name in chart.coordinate_names]
     return np.array([angles.get(name, still)[i] for i, name in names])
+
+
+def _is_shipped(text: str) -> bool:
+    return len(text) <= 120 and _SHIPPED.fullmatch(text) is not None
 
 
 def _is_method_name(text: str) -> bool:

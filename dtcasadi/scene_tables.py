@@ -16,6 +16,7 @@ REQUIRED: Any = object()
 _MAX_FAULTS = 50
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,60}")
 Shape = tuple[int | None, ...]
+LINE = "one line of text"
 
 
 class Faults:
@@ -216,6 +217,11 @@ def one_of(choices: Iterable[str]) -> str:
 def given(fields: dict[str, Any]) -> dict[str, Any]:
     """The fields that a file gives; the others keep the defaults of what is built from them."""
     return {name: value for name, value in fields.items() if value is not None}
+
+
+def is_line(text: str) -> bool:
+    """Whether a text is a line for people."""
+    return text.isprintable() and 0 < len(text.strip()) and len(text) <= 200
 
 
 def printable(text: str) -> str:

@@ -128,6 +128,11 @@ rtol = 1e-7
 atol = 1e-9
 method = "rk4"
 step_ms = 0.5
+
+[measure]
+text = "It stays in one piece"
+smallest_step_ms = 0.01
+bound_of = "seed_four_disc"
 """
 
 

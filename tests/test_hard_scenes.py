@@ -69,7 +69,7 @@ def test_auto_completes_at_its_default_tolerance(name):
 @pytest.mark.slow
 def test_the_spin_has_no_end():
     """The first thread turns on and on, through many re-centrings."""
-    found = run("spinning", SMOOTH)
+    found = run("endless_spin", SMOOTH)
     k = slice(None, None, 20)
     q, _ = unwound(found.model, found.x[:, k], found.thetas[:, k], "cardan")
     turns = np.ptp(q, axis=1) / (2 * np.pi)

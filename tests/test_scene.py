@@ -12,6 +12,7 @@ import dtcasadi.scene
 from dtcasadi.actuators import Direct, Regulator
 from dtcasadi.charts import CHARTS
 from dtcasadi.errors import SceneError
+from dtcasadi.measure import Measure
 from dtcasadi.model import build
 from dtcasadi.presets import rim, seed_four_disc
 from dtcasadi.profile import Profile
@@ -44,7 +45,7 @@ def test_the_shipped_scenes_are_listed_and_load():
     assert set(scene_names()) >= set(SEEDS)
     assert list(scene_names()) == sorted(scene_names())
     for name in scene_names():
-        assert load_scene(name).name == name
+        assert load_scene(name).name == name.rpartition("/")[2]
 
 
 @pytest.mark.parametrize("name", SEEDS)
@@ -73,6 +74,7 @@ def test_a_small_scene_has_the_defaults():
     assert scene.pressure.n_u == 0 and scene.initial_pressure is None
     assert scene.robot.up.tolist() == [0, 1, 0] and scene.robot.gravity == 9.81
     assert scene.robot.springs == scene.robot.chambers == ()
+    assert scene.measure == Measure()
 
 
 def test_every_key_arrives_in_si_units():
@@ -114,6 +116,7 @@ def test_every_key_arrives_in_si_units():
     assert scene.pressure(0.5).tolist() == [20e3, 5e3]
     assert (scene.t_end, scene.rtol, scene.atol) == (4, 1e-7, 1e-9)
     assert (scene.method, scene.step_s) == ("rk4", 5e-4)
+    assert scene.measure == Measure("It stays in one piece", 1e-5, "seed_four_disc")
 
 
 def test_rest_rotations_are_about_x_then_y_then_z():
