@@ -69,6 +69,8 @@ class Graph:
         if key not in self._built:
             self._built[key] = self._build(kernel, leaves, rebuild)
         function, restore = self._built[key]
+        if all(isinstance(leaf, ca.DM) for leaf in leaves):  # numbers give numbers
+            return restore([ca.sparsify(result) for result in function.call(leaves)])
         results = function.call([ca.MX(leaf) for leaf in leaves])
         return restore(list(results))
 

@@ -4,24 +4,23 @@ Written once for both assemblers (`dtcasadi.assemble`). Lists over discs start w
 over segments with the one between discs 1 and 2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 
 from .assemble import Flat, Graph
-from .forces.damping import DampingNumbers, damping_wrench
-from .forces.inflation import last_disc
-from .forces.load import dead_load
-from .forces.pair import no_wrench, pair_state
-from .forces.springs import Springs, spring_energy, spring_wrench
 from .kernels import articulated as art
 from .kernels import kinematics as kin
 from .kernels import momentum as mom
+from .forces.gravity import felt_at_root
+from .forces.payload import together
+from .forces.protocol import Body, Force, packed
 from .kernels.kinematics import Segment, Turning, Words
-from .numbers import DiscNumbers, Numbers
+from .numbers import Numbers
 
 Wrench = tuple[ca.SX, ca.SX]
+Loads = list[list[Wrench]]  # for each disc its wrenches along its own axes
 ZERO = ca.DM(3, 1)
 
 
@@ -42,25 +41,8 @@ def trigonometry(q: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.cos(q), ca.sin(q)
 
 
-def pair_wrench(
-    words: Words, seg: Segment, relative: Turning, springs: Springs, damping: DampingNumbers | None
-) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Springs and physical damping: wrench on disc i in frame i, on disc i+1 in frame i+1."""
-    pair = pair_state(words, seg, relative)
-    total = no_wrench() + spring_wrench(pair, springs)
-    if damping is not None:
-        total = total + damping_wrench(pair, damping)
-    moment_next = ca.mtimes(pair.R.T, total.moment_next)
-    return total.moment, total.force, moment_next, ca.mtimes(pair.R.T, total.force_next)
-
-
-def pair_energy(words: Words, seg: Segment, relative: Turning, springs: Springs) -> ca.SX:
-    """Spring energy of a segment [J]."""
-    return spring_energy(pair_state(words, seg, relative), springs)
-
-
 def loaded_body(
-    numbers: DiscNumbers, w: ca.SX, moment: ca.SX, force: ca.SX, outboard: art.Articulated | tuple
+    numbers: Body, w: ca.SX, moment: ca.SX, force: ca.SX, outboard: art.Articulated | tuple
 ) -> art.Articulated:
     """A disc's articulated inertia: its own, its loads and what its outgoing thread passes on."""
     J, H = art.rigid_inertia(*numbers)
@@ -74,11 +56,6 @@ def loaded_body(
 def sum_wrench(*parts: Wrench) -> Wrench:
     """Sum of wrenches on one disc."""
     return sum((p[0] for p in parts), ca.SX.zeros(3)), sum((p[1] for p in parts), ca.SX.zeros(3))
-
-
-def gravity_at_root(gravity: ca.SX, up: ca.SX) -> ca.SX:
-    """Minus the acceleration of gravity in the root frame."""
-    return gravity * up
 
 
 def inward_wrench(
@@ -100,16 +77,22 @@ class Chain:
         self,
         numbers: Numbers,
         words: Sequence[Words],
-        chambers: Sequence[tuple[int, int]],
         assembler: Flat | Graph,
     ):
-        self.numbers, self.words = numbers, tuple(words)
-        self.chambers, self.asm = tuple(chambers), assembler
+        self.words, self.asm = tuple(words), assembler
+        self.numbers = numbers._replace(discs=tuple(self._loaded(numbers)))
         self.n_segments = len(self.words)
         self.n_q = sum(w.n_q for w in self.words)
         self.planar = all(w == Words("x", "x") for w in self.words) and all(
             _about_x(m) for m in (*numbers.bend, *numbers.twist)
         )
+
+    def _loaded(self, numbers: Numbers) -> Iterator[Body]:
+        """Each disc with what forces make it carry, as one body."""
+        carried = [force for force in numbers.forces if type(force).body is not Force.body]
+        for disc, own in enumerate(numbers.discs, 1):
+            mine = [packed(force) for force in carried if force.touched() == (disc,)]
+            yield self.asm.call(together, own, *mine) if mine else own
 
     # ---- kinematics ----------------------------------------------------------------------------
 
@@ -134,11 +117,6 @@ class Chain:
             w = rates[-1].rate
         return Motion(segments, parts, rates)
 
-    def relative(self, segments: list[Segment], qd: ca.SX) -> list[Turning]:
-        """Each segment's rates relative to disc i."""
-        triples = zip(self.words, segments, self.split(qd), strict=True)
-        return [self.asm.call(kin.turning, words, seg, qdi, ZERO) for words, seg, qdi in triples]
-
     def poses(self, segments: list[Segment]) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rotation and position of every disc in the root frame."""
         R, r = [ca.DM.eye(3)], [ZERO]
@@ -150,51 +128,11 @@ class Chain:
 
     # ---- forces --------------------------------------------------------------------------------
 
-    def none(self) -> list[list[Wrench]]:
+    def none(self) -> Loads:
         """No wrench on any disc."""
         return [[] for _ in range(self.n_segments + 1)]
 
-    def pair_forces(
-        self, segments: list[Segment], qd: ca.SX, springs: bool, damping: bool
-    ) -> list[list[Wrench]]:
-        """Springs and physical damping on every disc, in its frame."""
-        loads, n = self.none(), self.numbers
-        for i, relative in enumerate(self.relative(segments, qd)):
-            mine = n.springs[i] if springs else _no_springs()
-            dampers = n.damping[i] if damping else None
-            if not mine.stiffness.shape[0] and dampers is None:
-                continue
-            moment, force, moment_next, force_next = self.asm.call(
-                pair_wrench, self.words[i], segments[i], relative, mine, dampers
-            )
-            loads[i].append((moment, force))
-            loads[i + 1].append((moment_next, force_next))
-        return loads
-
-    def inflation(self, pressure: ca.SX, centroids: Sequence) -> list[list[Wrench]]:
-        """`last_disc` wrenches of all chambers; centroids as DM (3, n) per chamber."""
-        loads = self.none()
-        for k, (first, last) in enumerate(self.chambers):
-            areas, points = self.numbers.areas[k], centroids[k]
-            push = self.asm.call(last_disc, pressure[k], areas[-1], points[:, -1])
-            pull = self.asm.call(last_disc, -pressure[k], areas[0], points[:, 0])
-            loads[last - 1].append(push)
-            loads[first - 1].append(pull)
-        return loads
-
-    def dead_loads(
-        self, segments: list[Segment], discs: Sequence[int], load: ca.SX
-    ) -> list[list[Wrench]]:
-        """The theta block `wrench`: six numbers in the root frame for each named disc (from 1)."""
-        loads = self.none()
-        if discs:
-            R, _ = self.poses(segments)
-            for k, disc in enumerate(discs):
-                part = load[6 * k : 6 * k + 6]
-                loads[disc - 1].append(self.asm.call(dead_load, R[disc - 1], part))
-        return loads
-
-    def total(self, *groups: list[list[Wrench]]) -> list[Wrench]:
+    def total(self, *groups: Loads) -> list[Wrench]:
         """One wrench per disc."""
         sums = []
         for i in range(self.n_segments + 1):
@@ -221,8 +159,8 @@ class Chain:
     # ---- dynamics ------------------------------------------------------------------------------
 
     def root_acceleration(self) -> ca.SX:
-        """Gravity as an acceleration of the root."""
-        return self.asm.call(gravity_at_root, self.numbers.gravity, self.numbers.up)
+        """The fields' acceleration of free fall as an acceleration of the root the other way."""
+        return self.asm.call(felt_at_root, *(packed(field) for field in self.numbers.fields))
 
     def inertial_wrenches(
         self, motion: Motion, qdd: ca.SX, root_acceleration: ca.SX
@@ -310,17 +248,12 @@ class Chain:
             dT.insert(0, gradient)
         return ca.vertcat(*p), ca.vertcat(*dT), kinetic
 
-    def potential(self, segments: list[Segment]) -> ca.SX:
-        """Gravity and spring energy [J]."""
+    def field_energy(self, segments: list[Segment]) -> ca.SX:
+        """Energy of the discs' masses in the fields [J]."""
         R, r = self.poses(segments)
-        zero = self.asm.expression(self.n_q, 1)
-        energy = 0
-        for i, relative in enumerate(self.relative(segments, zero)):
-            springs = self.numbers.springs[i]
-            stored = self.asm.call(pair_energy, self.words[i], segments[i], relative, springs)
-            body = self.numbers.discs[i + 1]
-            height = self.asm.call(_weight_energy, body, R[i + 1], r[i + 1], self.numbers.up)
-            energy = energy + stored + self.numbers.gravity * height
+        felt, energy = self.root_acceleration(), 0
+        for body, turn, place in zip(self.numbers.discs[1:], R[1:], r[1:], strict=True):
+            energy = energy + self.asm.call(_field_energy, body, turn, place, felt)
         return energy
 
     def tensions(self, segments: list[Segment], forces: Sequence[ca.SX]) -> ca.SX:
@@ -329,19 +262,15 @@ class Chain:
         return ca.vertcat(*(self.asm.call(tension_of, *triple) for triple in triples))
 
 
-def _gathered(body: DiscNumbers, w: ca.SX, v: ca.SX, sums: tuple) -> tuple:
+def _gathered(body: Body, w: ca.SX, v: ca.SX, sums: tuple) -> tuple:
     """A disc's kinetic energy, and its momentum with that of what hangs on it."""
     angular, linear, energy = mom.body_momentum(*body, w, v)
     return energy, angular + sums[0], linear + sums[1]
 
 
-def _weight_energy(body: DiscNumbers, R: ca.SX, r: ca.SX, up: ca.SX) -> ca.SX:
-    """Mass times height of the centre of mass."""
-    return body.mass * ca.dot(up, r + ca.mtimes(R, body.com))
-
-
-def _no_springs() -> Springs:
-    return Springs(ca.DM(3, 0), ca.DM(3, 0), ca.DM(0, 1), ca.DM(0, 1), ca.DM(0, 1))
+def _field_energy(body: Body, R: ca.SX, r: ca.SX, felt: ca.SX) -> ca.SX:
+    """Mass times what the field takes for the way from the root's origin."""
+    return body.mass * ca.dot(felt, r + ca.mtimes(R, body.com))
 
 
 def _about_x(matrix: ca.DM) -> bool:

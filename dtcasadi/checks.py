@@ -102,6 +102,13 @@ def rotation(field: str, value: object, *, error: Raiser = RobotError) -> np.nda
     return matrix
 
 
+def truth(field: str, value: object, *, error: Raiser = RobotError) -> bool:
+    """A truth value."""
+    if not isinstance(value, bool | np.bool_):
+        raise error(field, "True or False", shown(value))
+    return bool(value)
+
+
 def index(field: str, value: object, low: int, high: int, *, error: Raiser = RobotError) -> int:
     """An integer from low to high, both included."""
     expected = f"an integer from {low} to {high}"
@@ -110,3 +117,26 @@ def index(field: str, value: object, low: int, high: int, *, error: Raiser = Rob
     if not low <= value <= high:
         raise error(field, expected, shown(value))
     return int(value)
+
+
+def tensor(
+    field: str, value: object, *, definite: bool = True, error: Raiser = RobotError
+) -> np.ndarray:
+    """An inertia tensor, shape (3, 3), symmetric to the last digit.
+
+    Positive definite, or without `definite` semidefinite (a point, a rod), and each principal
+    moment at most the sum of the other two (Goldstein, Classical Mechanics, section 5.3).
+    """
+    tensor = array(field, value, (3, 3), error=error)
+    scale = float(np.max(np.abs(tensor)))
+    if np.max(np.abs(tensor - tensor.T)) > 1e-9 * scale:
+        raise error(field, "a symmetric tensor", shown(tensor))
+    moments = np.linalg.eigvalsh(tensor)
+    # 1e-9 lets a flat body (I_1 + I_2 = I_3 exactly) pass after round-off.
+    least = moments[0] > 0 if definite else moments[0] >= -1e-9 * scale
+    if not least or moments[2] - moments[1] - moments[0] > 1e-9 * scale:
+        kind = "positive" if definite else "non-negative"
+        expected = f"{kind} principal moments, each at most the sum of the other two"
+        raise error(field, expected, shown(moments))
+    # The round-off allowed above must not make M unsymmetric.
+    return array(field, (tensor + tensor.T) / 2, (3, 3), error=error)

@@ -7,34 +7,12 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from .chain import ZERO, pair_wrench, trigonometry
-from .forces.damping import DampingNumbers
-from .forces.springs import Springs
+from .acting import act, span_derivatives, world_derivatives
+from .chain import ZERO
 from .kernels import derivatives as der
-from .kernels.kinematics import Segment, Words, project, turning
 
 if TYPE_CHECKING:
     from .graphs import Graphs
-
-
-def pair_jacobian(
-    words: Words,
-    q: ca.SX,
-    qd: ca.SX,
-    geometry: tuple,
-    springs: Springs,
-    damping: DampingNumbers | None,
-) -> tuple[ca.SX, ca.SX]:
-    """What springs and dampers of a segment add to d tau / d q and d tau / d qd.
-
-    Forces between two discs act on their own segment's coordinates alone, so the local Jacobian of
-    this kernel is all of their derivative.
-    """
-    seg = Segment(*trigonometry(q), *geometry)
-    relative = turning(words, seg, qd, ca.SX.zeros(3))
-    _, _, moment, force = pair_wrench(words, seg, relative, springs, damping)
-    tau = -project(words, seg, moment, force)
-    return ca.jacobian(tau, q), ca.jacobian(tau, qd)
 
 
 class Derivatives:
@@ -74,45 +52,43 @@ class Derivatives:
         elif options.velocity_terms == "paper":
             extra_q, extra_qd = self._graphs.missing_terms_jacobian(self._q, self._qd)
             total_q, total_qd = total_q + extra_q, total_qd + extra_qd
+        if drag := self._drag:
+            extra_q, extra_qd = self._dragged(drag)
+            total_q, total_qd = total_q + extra_q, total_qd + extra_qd
         damping = self._graphs.coordinate_damping
         if damping is not None:
             total_qd = total_qd + ca.diag(damping)
         return total_q, total_qd
 
     def inflation_columns(self) -> ca.SX:
-        """Generalized force of one pascal in each chamber, d Q / d pressure, shape (n_q, n_u)."""
-        chain = self._chain
+        """Derivative d Q / d pressure of each chamber's forces, shape (n_q, n_u)."""
+        chain, graphs = self._chain, self._graphs
         columns = []
-        for k in range(len(chain.chambers)):
-            pressure = [ca.DM(1.0 if k == m else 0.0) for m in range(len(chain.chambers))]
-            loads = chain.total(self._graphs.inflation_loads(pressure))
-            columns.append(chain.project(self._segments, loads)[0])
+        for forces in graphs.chamber_forces(self._pressure):
+            loads = act(chain, forces, self._segments, graphs.still, slope="pressure")
+            columns.append(chain.project(self._segments, chain.total(loads))[0])
         return ca.horzcat(*columns) if columns else chain.asm.expression(chain.n_q, 0)
 
-    def pairs(self) -> tuple[ca.SX, ca.SX]:
-        """The block-diagonal share of springs and physical damping in the same."""
-        chain, numbers = self._chain, self._chain.numbers
-        physical = self._graphs.options.damping == "physical"
-        dq, dqd = [], []
-        for i, (q, qd) in enumerate(zip(chain.split(self._q), chain.split(self._qd), strict=True)):
-            geometry = tuple(
-                part[i]
-                for part in (numbers.bend, numbers.twist, numbers.length, numbers.exit_point)
-            )
-            damping = numbers.damping[i] if physical else None
-            a, b = chain.asm.call(
-                pair_jacobian, chain.words[i], q, qd, geometry, numbers.springs[i], damping
-            )
-            dq.append(a)
-            dqd.append(b)
-        return ca.diagcat(*dq), ca.diagcat(*dqd)
+    def between(self) -> tuple[ca.SX, ca.SX]:
+        """The share of forces between discs in the same."""
+        forces = self._graphs.forces(self._pressure)
+        return span_derivatives(self._chain, forces, self._q, self._qd)
 
     @cached_property
     def _outward(self) -> tuple[list[der.RootState], list[der.Columns]]:
         """Root-frame states of the discs and columns of the segments."""
+        none = self._graphs.options.velocity_terms == "none"
+        return self._carried(self._graphs.still if none else self._qd)
+
+    @cached_property
+    def _moving_columns(self) -> list[der.Columns]:
+        """Columns at the rates that forces see, whatever the velocity terms."""
+        if self._graphs.options.velocity_terms == "none":
+            return self._carried(self._qd)[1]
+        return self._columns
+
+    def _carried(self, qd: ca.SX) -> tuple[list[der.RootState], list[der.Columns]]:
         chain = self._chain
-        still = self._graphs.options.velocity_terms == "none"
-        qd = chain.asm.expression(chain.n_q, 1) if still else self._qd
         start = der.RootState(ca.DM.eye(3), ZERO, ZERO, ZERO, ZERO, chain.root_acceleration())
         states, columns = [start], []
         parts = zip(
@@ -129,33 +105,53 @@ class Derivatives:
         return self._outward[1]
 
     @cached_property
+    def _of_the_world(self) -> dict[int, tuple[ca.SX, ca.SX]]:
+        """How the world's forces on each disc (from 1) change beside turning with it."""
+        forces = self._graphs.forces(None)
+        return world_derivatives(self._chain, forces, self._segments, self._qd)
+
+    @cached_property
+    def _drag(self) -> list[ca.SX]:
+        """The world's damping matrix of each disc (from disc 2) with all beyond; [] without any."""
+        chain = self._chain
+        mine = {disc: drag for disc, (_, drag) in self._of_the_world.items() if drag.nnz()}
+        if not mine:
+            return []
+        sums = [chain.asm.expression(6, 6)]
+        for disc in range(chain.n_segments + 1, 1, -1):
+            sums.insert(0, sums[0] + mine[disc] if disc in mine else sums[0])
+        return sums[:-1]
+
+    def _dragged(self, drag: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """What forces that depend on the rates add to d tau / d q and d tau / d qd."""
+        chain, columns, n = self._chain, self._moving_columns, self._chain.n_segments
+        dq: list[list] = [[None] * n for _ in range(n)]
+        dqd: list[list] = [[None] * n for _ in range(n)]
+        for i in range(n):
+            for j in range(n):
+                parts = columns[i].J, columns[j].J, columns[j].Pd, drag[max(i, j)]
+                dq[i][j], dqd[i][j] = chain.asm.call(der.drag_blocks, *parts)
+        return _stacked(dq), _stacked(dqd)
+
+    @cached_property
     def _factors(self) -> list[der.Factors]:
         """Composite sums, inward, times the columns of each segment."""
-        chain, options = self._chain, self._graphs.options
+        chain = self._chain
         states, columns = self._outward
-        loads = chain.none()
-        if self._pressure is not None:
-            loads = self._graphs.inflation_loads(self._pressure)
-        dead = self._graphs.dead_load_parts()
-        for held, extra in zip(
-            loads, chain.dead_loads(self._segments, options.wrenches, dead), strict=True
-        ):
-            held.extend(extra)
-        wrenches = chain.total(loads)
+        # Forces between discs turn with their span and have their own derivatives.
+        world = [f for f in self._graphs.forces(self._pressure) if len(f.touched()) == 1]
+        wrenches = self._graphs.acting(world, self._segments, self._qd)
+        nothing = ca.DM(6, 6)
         result: list[der.Factors] = []
         outboard: der.Composite | tuple = ()
         for i in reversed(range(chain.n_segments)):
-            disc = i + 2
-            fixed = ca.DM(0, 1)
-            if disc in options.wrenches:
-                k = options.wrenches.index(disc)
-                fixed = dead[6 * k : 6 * k + 6]
+            stiff, _ = self._of_the_world.get(i + 2, (nothing, nothing))
             outboard = chain.asm.call(
                 der.composite_step,
                 *chain.numbers.discs[i + 1],
                 states[i + 1],
                 *wrenches[i + 1],
-                fixed,
+                stiff,
                 outboard,
             )
             result.insert(0, chain.asm.call(der.factors, columns[i], outboard))

@@ -1,16 +1,18 @@
 """One builder per Function of the front door but the derivatives; `Model` says what each means."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 
+from .acting import stored
 from .derivatives import Derivatives
 from .graphs import Graphs
 
 
 def mass_matrix(g: Graphs) -> ca.Function:
     """M(q), eq (6)."""
-    still = g.chain.asm.expression(g.chain.n_q, 1)
-    derivatives = Derivatives(g, g.q, still, still, None)
+    derivatives = Derivatives(g, g.q, g.still, g.still, None)
     return g.function("mass_matrix", ("q", "theta"), M=derivatives.mass_matrix())
 
 
@@ -19,8 +21,7 @@ def coriolis(g: Graphs) -> ca.Function:
     chain = g.chain
     segments = chain.segments(g.q)
     motion = g.inertial_motion(segments, g.qd)
-    zero = chain.asm.expression(chain.n_q, 1)
-    wrenches = chain.inertial_wrenches(motion, zero, ca.DM(3, 1))
+    wrenches = chain.inertial_wrenches(motion, g.still, ca.DM(3, 1))
     value = chain.project(segments, wrenches)[0] + g.missing_terms(motion)
     return g.function("coriolis", ("q", "qd", "theta"), force=value)
 
@@ -28,49 +29,39 @@ def coriolis(g: Graphs) -> ca.Function:
 def gravity(g: Graphs) -> ca.Function:
     """dV/dq of the weight: inverse dynamics at rest without loads."""
     chain = g.chain
-    zero = chain.asm.expression(chain.n_q, 1)
     segments = chain.segments(g.q)
-    motion = chain.motion(segments, zero)
-    wrenches = chain.inertial_wrenches(motion, zero, chain.root_acceleration())
+    motion = chain.motion(segments, g.still)
+    wrenches = chain.inertial_wrenches(motion, g.still, chain.root_acceleration())
     value, _ = chain.project(segments, wrenches)
     return g.function("gravity", ("q", "theta"), force=value)
 
 
 def spring(g: Graphs) -> ca.Function:
     """dV/dq of the springs."""
-    chain = g.chain
-    segments = chain.segments(g.q)
-    still = chain.asm.expression(chain.n_q, 1)
-    loads = chain.total(chain.pair_forces(segments, still, springs=True, damping=False))
-    value, _ = chain.project(segments, loads)
+    springs = list(g.chain.numbers.springs)
+    value = g.generalized(springs, g.chain.segments(g.q), g.still)
     return g.function("spring", ("q", "theta"), force=-value)
 
 
 def damping(g: Graphs) -> ca.Function:
-    """Everything that depends on the rates but inertia."""
-    return g.function("damping", ("q", "qd", "theta"), force=_damping_of(g, g.q, g.qd))
-
-
-def _damping_of(g: Graphs, q: ca.SX, qd: ca.SX) -> ca.SX:
-    chain = g.chain
-    segments = chain.segments(q)
-    still = chain.asm.expression(chain.n_q, 1)
-    physical = g.options.damping == "physical"
-    moving = chain.pair_forces(segments, qd, springs=True, damping=physical)
-    elastic = chain.pair_forces(segments, still, springs=True, damping=False)
-    both = chain.project(segments, chain.total(moving))[0]
-    value = chain.project(segments, chain.total(elastic))[0] - both
+    """What the robot's own springs and damping do because of the rates."""
+    value = g.lost(g.own_forces, g.chain.segments(g.q), g.qd)
     if g.coordinate_damping is not None:
-        value = value + g.coordinate_damping * qd
-    return value
+        value = value + g.coordinate_damping * g.qd
+    return g.function("damping", ("q", "qd", "theta"), force=value)
 
 
 def inflation(g: Graphs) -> ca.Function:
     """Generalized forces of the chamber pressures, III-C."""
-    chain = g.chain
-    segments = chain.segments(g.q)
-    value, _ = chain.project(segments, chain.total(g.inflation_loads(g.pressure)))
+    forces = list(itertools.chain(*g.chamber_forces(g.pressure)))
+    value = g.generalized(forces, g.chain.segments(g.q), g.still)
     return g.function("inflation", ("q", "pressure", "theta"), force=value)
+
+
+def forces(g: Graphs) -> ca.Function:
+    """Generalized forces of the open list and of the theta block `wrench`."""
+    value = g.generalized(g.open_forces, g.chain.segments(g.q), g.qd)
+    return g.function("forces", ("q", "qd", "theta"), force=value)
 
 
 def forward_dynamics(g: Graphs) -> ca.Function:
@@ -123,8 +114,9 @@ def kinetic_energy(g: Graphs) -> ca.Function:
 
 
 def potential_energy(g: Graphs) -> ca.Function:
-    """Potential energy of gravity and springs."""
-    value = g.chain.potential(g.chain.segments(g.q))
+    """Potential energy of gravity, springs and other forces that have one."""
+    segments = g.chain.segments(g.q)
+    value = g.chain.field_energy(segments) + stored(g.chain, g.conservative_forces, segments)
     return g.function("potential_energy", ("q", "theta"), V=value)
 
 
@@ -161,18 +153,15 @@ def canonical_ode(g: Graphs) -> ca.Function:
 
 def _rates_of(g: Graphs) -> ca.SX:
     chain = g.chain
-    still = chain.motion(chain.segments(g.q), chain.asm.expression(chain.n_q, 1))
-    return chain.accelerations(still, g.p, chain.total(chain.none()), ca.DM(3, 1))
+    at_rest = chain.motion(chain.segments(g.q), g.still)
+    return chain.accelerations(at_rest, g.p, chain.total(chain.none()), ca.DM(3, 1))
 
 
 def _canonical_force_of(g: Graphs, qd: ca.SX) -> ca.SX:
-    chain = g.chain
-    segments = chain.segments(g.q)
-    zero = chain.asm.expression(chain.n_q, 1)
-    loads = g.loads(segments, qd, g.pressure)
-    elastic = chain.total(chain.pair_forces(segments, zero, springs=True, damping=False))
+    segments = g.chain.segments(g.q)
     value = g.lagrangian_gradient_of(g.q, qd)
-    value = value + chain.project(segments, loads)[0] - chain.project(segments, elastic)[0]
+    value = value + g.chain.project(segments, g.loads(segments, qd, g.pressure))[0]
+    value = value - g.generalized(g.conservative_forces, segments, g.still)
     if g.coordinate_damping is not None:
         value = value - g.coordinate_damping * qd
     return value
@@ -188,12 +177,15 @@ def ode(g: Graphs) -> ca.Function:
 
 
 def power(g: Graphs) -> ca.Function:
-    """Power supplied by pressure and dead loads, and power dissipated: qd^T of each force."""
+    """Power supplied by pressure and forces without an energy, and power lost through rates."""
     chain = g.chain
     q, qd, a = ca.vertsplit(g.x, [0, chain.n_q, 2 * chain.n_q, g.x.shape[0]])
     segments = chain.segments(q)
-    loads = g.inflation_loads(g.options.actuator.pressure(a, g.u))
-    dead = chain.dead_loads(segments, g.options.wrenches, g.dead_load_parts())
-    supplied = chain.project(segments, chain.total(loads, dead))[0]
-    parts = {"supplied": ca.dot(qd, supplied), "dissipated": ca.dot(qd, _damping_of(g, q, qd))}
+    everything = g.forces(g.options.actuator.pressure(a, g.u))
+    supplying = [force for force in everything if not force.stores()]
+    supplied = g.generalized(supplying, segments, g.still)
+    lost = g.lost(everything, segments, qd)
+    if g.coordinate_damping is not None:
+        lost = lost + g.coordinate_damping * qd
+    parts = {"supplied": ca.dot(qd, supplied), "dissipated": ca.dot(qd, lost)}
     return g.function("power", ("x", "u", "theta"), **parts)

@@ -1,16 +1,21 @@
 """The symbols of a model, and the expressions its Functions share."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 
+from .acting import act
 from .actuators import Actuator
 from .assemble import Flat, Graph
 from .chain import Chain, Motion, Wrench
 from .charts import Chart
+from .forces.inflation import INFLATION
+from .forces.loads import DeadWrench
+from .forces.protocol import Force
+from .forces.traits import traits
 from .linear import UNROLLED
 from .numbers import Theta, numbers_of
 from .robot import Robot
@@ -51,7 +56,6 @@ class Ports:
         self.chain = Chain(
             self._numbers(),
             [chart.words for chart in options.charts],
-            [chamber.discs for chamber in robot.chambers],
             asm,
         )
 
@@ -116,23 +120,67 @@ class Graphs(Ports):
             )
         )
 
-    def inflation_loads(self, pressure: ca.SX | list) -> list[list[Wrench]]:
-        """`last_disc` wrenches of all chambers."""
-        centroids = [ca.DM(np.array(c.centroids)).T for c in self.robot.chambers]
-        return self.chain.inflation(pressure, centroids)
+    @cached_property
+    def own_forces(self) -> list[Force]:
+        """The robot's own springs and physical damping."""
+        numbers = self.chain.numbers
+        physical = self.options.damping == "physical"
+        return [*numbers.springs, *(numbers.damping if physical else ())]
 
-    def loads(
-        self, segments: list, qd: ca.SX, pressure: ca.SX | None, *, elastic: bool = True
-    ) -> list[Wrench]:
-        """All wrenches on discs but gravity: springs, physical damping, pressure, dead loads."""
-        chain = self.chain
-        groups = [chain.pair_forces(segments, qd, elastic, self.options.damping == "physical")]
-        if pressure is not None:
-            groups.append(self.inflation_loads(pressure))
-        if self.options.wrenches:
-            load = self.dead_load_parts()
-            groups.append(chain.dead_loads(segments, self.options.wrenches, load))
-        return chain.total(*groups)
+    @cached_property
+    def open_forces(self) -> list[Force]:
+        """The robot's open list and the theta block `wrench`."""
+        dead = self.theta[self.layout.blocks.get("wrench", slice(0, 0))]
+        parts = ca.vertsplit(dead, 3)
+        wrenches = [
+            DeadWrench(disc, force, moment)
+            for disc, force, moment in zip(
+                self.options.wrenches, parts[::2], parts[1::2], strict=True
+            )
+        ]
+        return [*self.chain.numbers.forces, *wrenches]
+
+    def chamber_forces(self, pressure: ca.SX) -> list[list[Force]]:
+        """The forces of each chamber."""
+        make = INFLATION[self.options.inflation]
+        chambers = zip(self.robot.chambers, self.chain.numbers.chambers, strict=True)
+        return [
+            make(chamber.discs, numbers, pressure[k])
+            for k, (chamber, numbers) in enumerate(chambers)
+        ]
+
+    def forces(self, pressure: ca.SX | None) -> list[Force]:
+        """All forces that give wrenches; without a pressure those of the chambers left out."""
+        chambers = [] if pressure is None else self.chamber_forces(pressure)
+        return [*self.own_forces, *itertools.chain(*chambers), *self.open_forces]
+
+    @cached_property
+    def conservative_forces(self) -> list[Force]:
+        """Those with an energy."""
+        return [force for force in self.forces(None) if force.stores()]
+
+    def loads(self, segments: list, qd: ca.SX, pressure: ca.SX | None) -> list[Wrench]:
+        """All wrenches on discs but those of fields."""
+        return self.acting(self.forces(pressure), segments, qd)
+
+    def acting(self, forces: list[Force], segments: list, qd: ca.SX) -> list[Wrench]:
+        """Sum of the forces' wrenches on each disc."""
+        return self.chain.total(act(self.chain, forces, segments, qd))
+
+    def generalized(self, forces: list[Force], segments: list, qd: ca.SX) -> ca.SX:
+        """Generalized forces of the forces' wrenches."""
+        return self.chain.project(segments, self.acting(forces, segments, qd))[0]
+
+    @property
+    def still(self) -> ca.SX:
+        """No rates."""
+        return self.chain.asm.expression(self.chain.n_q, 1)
+
+    def lost(self, forces: list[Force], segments: list, qd: ca.SX) -> ca.SX:
+        """What the rates take from the generalized forces."""
+        mine = [force for force in forces if traits(force).rates]
+        at_rest = self.generalized(mine, segments, self.still)
+        return at_rest - self.generalized(mine, segments, qd)
 
     @cached_property
     def with_calls(self) -> "Graphs":
@@ -142,14 +190,10 @@ class Graphs(Ports):
         options = replace(self.options, assembly="graph")
         return Graphs(self.robot, options, self.layout, native=self.native)
 
-    def dead_load_parts(self) -> ca.SX:
-        """The theta block `wrench`, six numbers per named disc."""
-        return self.theta[self.layout.blocks.get("wrench", slice(0, 0))]
-
     def inertial_motion(self, segments: list, qd: ca.SX) -> Motion:
         """The motion whose velocity terms count: none of them with `velocity_terms="none"`."""
-        zero = self.chain.asm.expression(self.chain.n_q, 1)
-        return self.chain.motion(segments, zero if self.options.velocity_terms == "none" else qd)
+        none = self.options.velocity_terms == "none"
+        return self.chain.motion(segments, self.still if none else qd)
 
     def missing_terms(self, motion: Motion) -> ca.SX | float:
         """What eq (7) without 1/2 qd^T (dM/dq) qd adds to the left side: dT/dq."""
@@ -170,7 +214,7 @@ class Graphs(Ports):
         chain = self.chain
         segments = chain.segments(q)
         motion = self.inertial_motion(segments, qd)
-        total = chain.asm.expression(chain.n_q, 1) if tau is None else tau
+        total = self.still if tau is None else tau
         total = total - self.missing_terms(motion)
         if self.coordinate_damping is not None:
             total = total - self.coordinate_damping * qd
@@ -197,11 +241,10 @@ class Graphs(Ports):
         """dL/dq at fixed qd; without the kinetic part unless `velocity_terms="full"`."""
         chain = self.chain
         segments = chain.segments(q)
-        zero = chain.asm.expression(chain.n_q, 1)
-        still = chain.motion(segments, zero)
-        weight = chain.inertial_wrenches(still, zero, chain.root_acceleration())
-        elastic = chain.total(chain.pair_forces(segments, zero, springs=True, damping=False))
-        value = chain.project(segments, elastic)[0] - chain.project(segments, weight)[0]
+        at_rest = chain.motion(segments, self.still)
+        weight = chain.inertial_wrenches(at_rest, self.still, chain.root_acceleration())
+        value = self.generalized(self.conservative_forces, segments, self.still)
+        value = value - chain.project(segments, weight)[0]
         if self.options.velocity_terms == "full":
             value = value + chain.momenta(chain.motion(segments, qd))[1]
         return value

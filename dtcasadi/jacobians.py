@@ -50,8 +50,9 @@ def implicit_form(g: Graphs) -> ImplicitForm:
     kind = ca.SX if g.inlined else ca.MX
     ports = [kind.sym(name, size) for name, size in zip(names, sizes, strict=True)]
     q, v, z, a, zdot, u, theta = ports
-    M, dq, dqd, columns = _rigid_part(g)(q, v, a, actuator.pressure(z, u), theta)
-    pair_q, pair_qd = _pair_part(g)(q, v, theta)
+    pressure = actuator.pressure(z, u)
+    M, dq, dqd, columns = _rigid_part(g)(q, v, a, pressure, theta)
+    pair_q, pair_qd = _between_part(g)(q, v, pressure, theta)
     rate_z, rate_u, pressure_z, pressure_u = _actuator_jacobian(g, z, u)
     side, corner = kind(n, n_z), kind(n_z, n)
     blocks = {
@@ -60,7 +61,7 @@ def implicit_form(g: Graphs) -> ImplicitForm:
         "K": ca.blockcat([[dq + pair_q, side], [corner, kind(n_z, n_z)]]),
         "U": ca.vertcat(-ca.mtimes(columns, pressure_u), -rate_u),
         "T": ca.vertcat(
-            _free_theta_part(g)(q, v, a, actuator.pressure(z, u), theta),
+            _free_theta_part(g)(q, v, a, pressure, theta),
             kind(n_z, theta.shape[0] - g.n_frames),
         ),
     }
@@ -88,12 +89,12 @@ def _rigid_part(g: Graphs) -> ca.Function:
     return ca.Function("rigid_part", ports, values, OPTIONS)
 
 
-def _pair_part(g: Graphs) -> ca.Function:
-    """Springs' and dampers' d tau/d q and d tau/d qd."""
+def _between_part(g: Graphs) -> ca.Function:
+    """The share of forces between discs, d tau/d q and d tau/d qd."""
     calls = g.with_calls
-    parts = Derivatives(calls, calls.q, calls.qd, calls.qdd, None)
-    ports = [calls.q, calls.qd, calls.theta]
-    return ca.Function("pair_part", ports, list(parts.pairs()), OPTIONS)
+    parts = Derivatives(calls, calls.q, calls.qd, calls.qdd, calls.pressure)
+    ports = [calls.q, calls.qd, calls.pressure, calls.theta]
+    return ca.Function("between_part", ports, list(parts.between()), OPTIONS)
 
 
 def _acceleration(g: Graphs, q: ca.SX, qd: ca.SX, pressure: ca.SX, tau: ca.SX | None) -> ca.SX:
@@ -111,7 +112,7 @@ def inverse_dynamics_jacobian(g: Graphs) -> ca.Function:
     ports = ("q", "qd", "qdd", "pressure", "theta")
     q, qd, qdd, pressure, theta = (g.top(port) for port in ports)
     _, dq, dqd, _ = _rigid_part(g)(q, qd, qdd, pressure, theta)
-    pair_q, pair_qd = _pair_part(g)(q, qd, theta)
+    pair_q, pair_qd = _between_part(g)(q, qd, pressure, theta)
     return g.top_function(
         "inverse_dynamics_jacobian", ports, dtau_dq=dq + pair_q, dtau_dqd=dqd + pair_qd
     )
@@ -122,7 +123,7 @@ def linear_form(g: Graphs) -> ca.Function:
     q, pressure, theta = (g.top(port) for port in ("q", "pressure", "theta"))
     still = type(q)(q.shape[0], 1)
     M, dq, dqd, _ = _rigid_part(g)(q, still, still, pressure, theta)
-    pair_q, pair_qd = _pair_part(g)(q, still, theta)
+    pair_q, pair_qd = _between_part(g)(q, still, pressure, theta)
     ports = ("q", "pressure", "theta")
     return g.top_function("linear_form", ports, M=M, D=dqd + pair_qd, K=dq + pair_q)
 
@@ -228,7 +229,7 @@ def _acceleration_jacobian(
     """Derivatives d qdd = -M^-1 d(inverse dynamics), for q, qd, pressure and where asked tau."""
     theta = g.top("theta")
     M, dq, dqd, columns = _rigid_part(g)(q, qd, qdd, pressure, theta)
-    pair_q, pair_qd = _pair_part(g)(q, qd, theta)
+    pair_q, pair_qd = _between_part(g)(q, qd, pressure, theta)
     n, n_u = g.chain.n_q, pressure.shape[0]
     rhs = [-(dq + pair_q), -(dqd + pair_qd), columns]
     if with_tau:

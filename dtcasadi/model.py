@@ -14,6 +14,7 @@ from .charts import Chart, charts_of
 from .checks import shown
 from .compile import twin
 from .errors import ModelError
+from .forces.inflation import INFLATION
 from .graphs import Graphs, Options
 from .numbers import theta_layout
 from .robot import Robot
@@ -35,6 +36,7 @@ _BUILDERS = {
         "spring",
         "damping",
         "inflation",
+        "forces",
         "forward_dynamics",
         "inverse_dynamics",
         "thread_tension",
@@ -78,7 +80,7 @@ class Model:
     """A robot's equations of motion as named CasADi Functions.
 
         M(q) qdd + coriolis(q, qd) + gravity(q) + spring(q) + damping(q, qd)
-            = inflation(q, pressure) + tau
+            = inflation(q, pressure) + forces(q, qd) + tau
 
     Every Function is symbolic (DM, SX or MX, positional or by keyword, differentiable) and has
     `theta` as its last port; `model.theta0` holds the robot's own numbers. `compiled(name)` gives
@@ -103,18 +105,21 @@ class Model:
     spring = _Graph("dV_spring/dq (q, theta), shape (n_q,) [N m], eq (5).")
     damping = _Graph("Damping (q, qd, theta) on the left side, shape (n_q,) [N m].")
     inflation = _Graph("Q (q, pressure, theta) of the chambers, shape (n_q,) [N m], III-C.")
+    forces = _Graph(
+        "Q (q, qd, theta) of the robot's forces and block `wrench`, shape (n_q,) [N m]."
+    )
     forward_dynamics = _Graph("qdd (q, qd, pressure, tau, theta), shape (n_q,) [rad/s^2].")
     inverse_dynamics = _Graph("tau (q, qd, qdd, pressure, theta), shape (n_q,) [N m].")
     thread_tension = _Graph("Tensions (q, qd, pressure, tau, theta), shape (n_discs - 1,) [N].")
     poses = _Graph("R (3, 3 n_discs) and r (3, n_discs) [m] in the root frame (q, theta).")
     angular_jacobians = _Graph("Table I (q, theta): d omega_i / d qd, disc frames, stacked.")
     kinetic_energy = _Graph("T (q, qd, theta) [J].")
-    potential_energy = _Graph("V (q, theta) of gravity and springs [J].")
+    potential_energy = _Graph("V (q, theta) of gravity, springs, conservative forces [J].")
     momenta = _Graph("Canonical momenta p = M qd (q, qd, theta), shape (n_q,), eq (7).")
     lagrangian_gradient = _Graph("dL/dq (q, qd, theta) at fixed qd, shape (n_q,) [N m], eq (7).")
     canonical_ode = _Graph("Eq (7): qd and pd (q, p, pressure, tau, theta).")
     ode = _Graph("State equation xdot (x, u, theta), shape (n_x,).")
-    power = _Graph("supplied (pressure, loads) and dissipated power (x, u, theta) [W].")
+    power = _Graph("supplied (pressure, forces without energy), dissipated (x, u, theta) [W].")
     ode_jacobian = _Graph("xdot, F_x, F_u (x, u, theta) of the state equation, exact.")
     inverse_dynamics_jacobian = _Graph("d tau/d q and d tau/d qd (q, qd, qdd, pressure, theta).")
     forward_dynamics_jacobian = _Graph("qdd and its derivatives (q, qd, pressure, tau, theta).")
@@ -289,7 +294,8 @@ def build(
         velocity_terms: `full`; `paper` (eq (7) without 1/2 qd^T (dM/dq) qd); `none`.
         damping: `physical` (independent of the chart) or `coordinate` (the paper's b = c_a on every
             coordinate rate).
-        inflation: `last_disc` (III-C).
+        inflation: `last_disc` (III-C: a chamber's pressure on its last disc, its reaction on the
+            first) or `volume` (pressure * dV/dq of the air between the discs).
         actuator: `direct`, `regulator` or an actuator value; see `dtcasadi.actuators`.
         parameters: robot fields to leave free in theta, for example `springs.stiffness`.
         wrenches: numbers of discs that carry a free external load in the root frame, theta block
@@ -307,7 +313,7 @@ def build(
         raise ModelError(f"robot: expected a Robot, got {shown(robot)}")
     _choice("velocity_terms", velocity_terms, ("full", "paper", "none"))
     _choice("damping", damping, ("physical", "coordinate"))
-    _choice("inflation", inflation, ("last_disc",))
+    _choice("inflation", inflation, tuple(INFLATION))
     _choice("assembly", assembly, ("auto", "flat", "graph"))
     if assembly == "auto":
         assembly = "flat" if robot.n_discs <= FLAT_UP_TO else "graph"

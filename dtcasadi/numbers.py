@@ -5,23 +5,29 @@ Paths name a field as scene errors do: `discs[4].mass`, `springs.stiffness` (of 
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from .errors import ModelError
-from .forces.damping import DampingNumbers
+from .forces.damping import SegmentDamping
+from .forces.gravity import Gravity
+from .forces.inflation import ChamberNumbers
+from .forces.protocol import Body, Force, constant, numbers_in, with_numbers
 from .forces.springs import Springs
 from .robot import Robot
 
-_PATH = re.compile(r"(discs|threads|springs|chambers|damping)(?:\[(\d{1,6})\])?\.([a-z_]+)")
+_PATH = re.compile(
+    r"(discs|threads|springs|chambers|damping|forces)(?:\[(\d{1,6})\])?\.([a-z][a-z_0-9]*)"
+)
+Getter = Callable[[str, int, str], ca.SX]
 _FIELDS = {
     "discs": ("mass", "inertia", "centre_of_mass"),
     "threads": ("length", "exit_point"),
     "springs": ("start", "end", "stiffness", "rest_length", "damping"),
-    "chambers": ("areas",),
+    "chambers": ("areas", "radial_compliance"),
     "damping": ("c_a", "c_b", "c_w", "c_r"),
 }
 # A parameter `inertia` is its six independent entries, so that no estimate can break its symmetry.
@@ -36,27 +42,19 @@ class Slot(NamedTuple):
     field: str
 
 
-class DiscNumbers(NamedTuple):
-    """Mass, inertia about the centre of mass and centre of mass of one disc."""
-
-    mass: ca.SX
-    inertia: ca.SX
-    com: ca.SX
-
-
 class Numbers(NamedTuple):
     """Every number of a robot, each a DM constant or a symbol."""
 
-    discs: tuple[DiscNumbers, ...]
+    discs: tuple[Body, ...]  # without what forces make them carry
     length: tuple[ca.SX, ...]
     exit_point: tuple[ca.SX, ...]
     bend: tuple[ca.SX, ...]
     twist: tuple[ca.SX, ...]
     springs: tuple[Springs, ...]  # per segment
-    damping: tuple[DampingNumbers, ...]
-    areas: tuple[ca.SX, ...]  # per chamber
-    gravity: ca.SX
-    up: ca.SX
+    damping: tuple[SegmentDamping, ...]
+    chambers: tuple[ChamberNumbers, ...]
+    fields: tuple[Force, ...]  # gravity first
+    forces: tuple[Force, ...]  # the robot's open list
 
 
 def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
@@ -68,28 +66,49 @@ def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
     if path in ("gravity", "up"):
         return (Slot("robot", 0, path),)
     match = _PATH.fullmatch(path) if isinstance(path, str) else None
-    if not match or match[3] not in _FIELDS[match[1]]:
+    if not match or match[3] not in _FIELDS.get(match[1], (match[3],)):
         known = [f"{part}.{field}" for part, fields in _FIELDS.items() for field in fields]
         raise ModelError(
-            f"parameters: expected paths such as {', '.join(known)}, gravity, up, got {path!r}"
+            f"parameters: expected paths such as {', '.join(known)}, forces[1].magnitude, gravity, "
+            f"up, got {path!r}"
         )
-    count = len(getattr(robot, match[1]))
-    if match[2] is None:
-        if not count:
-            raise ModelError(f"parameters: {path}: the robot has no {match[1]}")
-        return tuple(Slot(match[1], i, match[3]) for i in range(count))
-    if not 1 <= int(match[2]) <= count:
-        raise ModelError(f"parameters: {path}: expected an index from 1 to {count}, got {match[2]}")
-    return (Slot(match[1], int(match[2]) - 1, match[3]),)
+    part, number, field = match.groups()
+    count = len(getattr(robot, part))
+    if number is None and not count:
+        raise ModelError(f"parameters: {path}: the robot has no {part}")
+    if number is not None and not 1 <= int(number) <= count:
+        raise ModelError(f"parameters: {path}: expected an index from 1 to {count}, got {number}")
+    places = range(count) if number is None else (int(number) - 1,)
+    if part == "forces":
+        places = _forces_with(robot, path, places, field)
+    return tuple(Slot(part, place, field) for place in places)
+
+
+def _forces_with(robot: Robot, path: str, places: Sequence[int], field: str) -> list[int]:
+    """Those of the forces that have the number."""
+    found = [place for place in places if field in numbers_in(robot.forces[place])]
+    if not found:
+        names = dict.fromkeys(n for place in places for n in numbers_in(robot.forces[place]))
+        raise ModelError(f"parameters: {path}: expected one of {', '.join(names)}, got {field!r}")
+    return found
 
 
 def slot_value(robot: Robot, slot: Slot) -> np.ndarray:
     """A block's numbers as theta holds them, shape (n,)."""
-    owner = robot if slot.part == "robot" else getattr(robot, slot.part)[slot.place]
-    value = np.atleast_1d(np.asarray(getattr(owner, slot.field), dtype=float))
-    if slot.field == "inertia":
+    value = np.atleast_1d(_value(robot, slot))
+    if _is_tensor(slot, value):
         return np.array([value[i, j] for i, j in INERTIA_ORDER])
     return value.ravel()
+
+
+def _value(robot: Robot, slot: Slot) -> np.ndarray:
+    """A field of the robot as an array."""
+    owner = robot if slot.part == "robot" else getattr(robot, slot.part)[slot.place]
+    return np.asarray(getattr(owner, slot.field), dtype=float)
+
+
+def _is_tensor(slot: Slot, value: np.ndarray) -> bool:
+    return slot.field == "inertia" and value.shape == (3, 3)
 
 
 def numbers_of(robot: Robot, symbols: Mapping[Slot, ca.SX]) -> Numbers:
@@ -97,40 +116,57 @@ def numbers_of(robot: Robot, symbols: Mapping[Slot, ca.SX]) -> Numbers:
 
     def get(part: str, index: int, field: str) -> ca.SX:
         slot = Slot(part, index, field)
-        if slot in symbols:
-            return _inertia(symbols[slot]) if field == "inertia" else symbols[slot]
-        owner = robot if part == "robot" else getattr(robot, part)[index]
-        return ca.sparsify(ca.DM(np.asarray(getattr(owner, field), dtype=float)))
+        value = _value(robot, slot)
+        if slot not in symbols:
+            return constant(value)
+        if _is_tensor(slot, value):
+            return _inertia(symbols[slot])
+        if value.ndim < 2:
+            return symbols[slot]
+        return ca.reshape(symbols[slot], *value.shape[::-1]).T
 
     segments = range(robot.n_discs - 1)
+    forces = tuple(
+        with_numbers(force, {name: get("forces", k, name) for name in numbers_in(force)})
+        for k, force in enumerate(robot.forces)
+    )
+    gravity = Gravity(get("robot", 0, "gravity"), get("robot", 0, "up"))
     return Numbers(
         discs=tuple(
-            DiscNumbers(*(get("discs", i, f) for f in _FIELDS["discs"]))
-            for i in range(robot.n_discs)
+            Body(*(get("discs", i, f) for f in _FIELDS["discs"])) for i in range(robot.n_discs)
         ),
         length=tuple(get("threads", i, "length") for i in segments),
         exit_point=tuple(get("threads", i, "exit_point") for i in segments),
-        bend=tuple(ca.sparsify(ca.DM(robot.threads[i].bend)) for i in segments),
-        twist=tuple(ca.sparsify(ca.DM(robot.threads[i].twist)) for i in segments),
+        bend=tuple(constant(robot.threads[i].bend) for i in segments),
+        twist=tuple(constant(robot.threads[i].twist) for i in segments),
         springs=tuple(_springs(robot, i, get) for i in segments),
         damping=tuple(
-            DampingNumbers(*(get("damping", i, f) for f in _FIELDS["damping"])) for i in segments
+            SegmentDamping((i + 1, i + 2), *(get("damping", i, f) for f in _FIELDS["damping"]))
+            for i in segments
         ),
-        areas=tuple(get("chambers", i, "areas") for i in range(len(robot.chambers))),
-        gravity=get("robot", 0, "gravity"),
-        up=get("robot", 0, "up"),
+        chambers=tuple(
+            ChamberNumbers(
+                get("chambers", k, "areas"),
+                constant(np.array(chamber.centroids).T),
+                get("chambers", k, "radial_compliance"),
+            )
+            for k, chamber in enumerate(robot.chambers)
+        ),
+        fields=(gravity, *(force for force in forces if type(force).field is not Force.field)),
+        forces=forces,
     )
 
 
-def _springs(robot: Robot, segment: int, get) -> Springs:  # noqa: ANN001
+def _springs(robot: Robot, segment: int, get: Getter) -> Springs:
     """All springs of a segment, stacked."""
-    mine = [m for m, s in enumerate(robot.springs) if s.discs[0] == segment + 1]
+    discs = (segment + 1, segment + 2)
+    mine = [m for m, s in enumerate(robot.springs) if s.discs == discs]
     if not mine:
         empty = ca.DM(0, 1)
-        return Springs(ca.DM(3, 0), ca.DM(3, 0), empty, empty, empty)
-    columns = {f: [get("springs", m, f) for m in mine] for f in Springs._fields}
+        return Springs(discs, ca.DM(3, 0), ca.DM(3, 0), empty, empty, empty)
+    columns = {f: [get("springs", m, f) for m in mine] for f in _FIELDS["springs"]}
     stack = {f: ca.horzcat if f in ("start", "end") else ca.vertcat for f in columns}
-    return Springs(**{f: stack[f](*values) for f, values in columns.items()})
+    return Springs(discs, **{f: stack[f](*values) for f, values in columns.items()})
 
 
 def _inertia(entries: ca.SX) -> ca.SX:

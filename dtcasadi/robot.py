@@ -13,6 +13,8 @@ import numpy as np
 
 from . import checks
 from .errors import RobotError
+from .forces.protocol import Force
+from .forces.traits import check
 from .parts import Chamber, Damping, Disc, Spring, Thread, set_fields
 
 STANDARD_GRAVITY = 9.81
@@ -42,6 +44,7 @@ class Robot:
         damping: one `Damping` for all segments, or one for each.
         up: direction against gravity in the root frame; stored as a unit vector.
         gravity: acceleration of gravity [m/s^2], not negative.
+        forces: any number, of `dtcasadi.forces` or one's own (see `dtcasadi.Force`).
 
     Raises:
         RobotError: naming the field, what was expected and what was given.
@@ -54,6 +57,7 @@ class Robot:
     damping: Damping | tuple[Damping, ...] = field(default_factory=Damping)
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     gravity: float = STANDARD_GRAVITY
+    forces: tuple[Force, ...] = ()
 
     def __post_init__(self) -> None:
         """Check how the parts fit together and complete the defaults."""
@@ -85,6 +89,7 @@ class Robot:
             damping=damping,
             up=checks.unit("up", self.up),
             gravity=checks.number("gravity", self.gravity, nonnegative=True),
+            forces=_fitted(_items("forces", self.forces, Force), discs, threads),
         )
 
     @property
@@ -110,6 +115,21 @@ def _at_rest(number: int, spring: Spring, threads: tuple[Thread, ...]) -> Spring
     except RobotError as error:  # ends near the largest number a robot may hold
         path = f"springs[{number}].{error.field}"
         raise RobotError(path, error.expected, error.got) from None
+
+
+def _fitted(
+    forces: tuple[Force, ...], discs: tuple[Disc, ...], threads: tuple[Thread, ...]
+) -> tuple[Force, ...]:
+    """The forces with what they take from the robot filled in, the discs they name checked."""
+    fitted = []
+    for number, force in enumerate(forces, 1):
+        path = f"forces[{number}]"
+        check(path, force, len(discs))
+        try:
+            fitted.append(force.fitted(discs, threads))
+        except RobotError as error:
+            raise RobotError(f"{path}.{error.field}", error.expected, error.got) from None
+    return tuple(fitted)
 
 
 def _completed(chamber: Chamber, discs: tuple[Disc, ...]) -> Chamber:

@@ -1,1 +1,20 @@
-"""One file per force; each gives wrenches on discs, projected by the same recursion."""
+"""Forces as an open list: what acts on a robot besides its own springs, damping and chambers.
+
+Each is a frozen value for `Robot(forces=(...))`; `Force` says how to write one's own.
+"""
+
+from .loads import Couple, FollowerLoad, PointLoad
+from .payload import Payload
+from .protocol import Body, DiscState, Force, ThreadState, Wrench
+
+__all__ = [
+    "Body",
+    "Couple",
+    "DiscState",
+    "FollowerLoad",
+    "Force",
+    "Payload",
+    "PointLoad",
+    "ThreadState",
+    "Wrench",
+]

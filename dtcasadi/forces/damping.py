@@ -1,34 +1,33 @@
-"""Damping of a segment that depends on no chart (`physical`).
+"""Damping of a segment that depends on no chart (`physical`)."""
 
-Dissipation 1/2 c_a |t-dot from disc i|^2 + 1/2 c_b |t-dot from disc i+1|^2 + 1/2 c_w (w . t)^2 +
-1/2 c_r |w|^2 with w the relative angular velocity and t the thread's direction. A moment m on the
-massless thread is carried to the discs by the couple m x t / l of forces at its ends.
-"""
-
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import casadi as ca
 
 from ..kernels.axes import cross
-from .pair import Pair, PairWrench
+from .protocol import DiscState, Force, Wrench
 
 
-class DampingNumbers(NamedTuple):
-    """Coefficients of one segment [N m s/rad], see `dtcasadi.robot.Damping`."""
+@dataclass(frozen=True, eq=False)
+class SegmentDamping(Force):
+    """Damping of one segment [N m s/rad], see `dtcasadi.robot.Damping`.
 
+    Dissipation 1/2 c_a |t-dot from disc i|^2 + 1/2 c_b |t-dot from disc i+1|^2 + 1/2 c_w (w . t)^2
+    + 1/2 c_r |w|^2 with w the relative angular velocity and t the thread's direction. A moment m on
+    the massless thread is carried to the discs by the couple m x t / l of forces at its ends.
+    """
+
+    discs: tuple[int, int]
     c_a: ca.SX
     c_b: ca.SX
     c_w: ca.SX
     c_r: ca.SX
 
-
-def damping_wrench(pair: Pair, numbers: DampingNumbers) -> PairWrench:
-    """Wrenches of the dissipation function on the two discs."""
-    near = -numbers.c_a * cross(pair.t, pair.t_rate)  # moment of disc i on the thread
-    t_rate_next = cross(pair.w_thread - pair.w, pair.t)
-    far = -numbers.c_b * cross(pair.t, t_rate_next)  # moment of disc i+1 on the thread
-    couple = cross(near + far, pair.t) / pair.length
-    torque = -numbers.c_w * ca.dot(pair.w, pair.t) * pair.t - numbers.c_r * pair.w
-    return PairWrench(
-        -near - torque - cross(pair.exit_point, couple), -couple, torque - far, couple
-    )
+    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+        """Wrench on disc i+1."""
+        assert disc.thread is not None
+        t, near_rate, far_rate, length = disc.thread
+        near = self.c_a * cross(t, near_rate)  # moment of the thread on disc i
+        far = self.c_b * cross(t, far_rate)  # moment of the thread on disc i+1
+        torque = self.c_w * ca.dot(disc.w, t) * t + self.c_r * disc.w
+        return Wrench(far - torque, cross(t, near + far) / length)

@@ -53,7 +53,7 @@ class Composite(NamedTuple):
     P: ca.SX  # linear momentum; the lower half of 2B is -2 [P]
     n: ca.SX
     f: ca.SX
-    dead: ca.SX  # (6, 3): how dead loads fail to turn with their disc; zero columns without them
+    stiff: ca.SX  # (6, 6): stiffness of the world's forces, see `forces.world`
 
 
 class Factors(NamedTuple):
@@ -61,8 +61,8 @@ class Factors(NamedTuple):
 
     U: ca.SX  # I J
     W: ca.SX  # 2B^T J, angular part
-    D: ca.SX  # dead^T J
-    Z: ca.SX  # 2B Pd + I Pdd + J x* f (+ dead J)
+    D: ca.SX  # stiff^T J
+    Z: ca.SX  # 2B Pd + I Pdd + J x* f + stiff J
     Y: ca.SX  # 2B J + 2 I Pd
 
 
@@ -104,13 +104,13 @@ def composite_step(
     state: RootState,
     moment: ca.SX,
     force: ca.SX,
-    dead: ca.SX,
+    stiff: ca.SX,
     outboard: Composite | tuple,
 ) -> Composite:
     """A disc's share of the composite sums, with what lies beyond it.
 
-    Args: moment and force are the loads on the disc in its own frame, dead (6, 1) the part of them
-        [force; moment] that keeps its direction in the root frame (in the root frame), if any.
+    Args: moment and force are the world's loads on the disc in its own frame, stiff the matrix of
+        `dtcasadi.forces.world.world_jacobian`.
     """
     R, r, w, v, alpha, a = state
     h = mass * (r + ca.mtimes(R, com))
@@ -123,12 +123,7 @@ def composite_step(
     n = ca.mtimes(I_o, alpha) + cross(h, a) + cross(w, angular) + cross(v, P) - n_ext
     f = mass * a - cross(h, alpha) + cross(w, P) - f_ext
     K = -2 * ca.mtimes(skew(w), S) - 2 * ca.mtimes(skew(h), skew(v))
-    if dead.shape[0]:
-        fixed = skew(dead[:3])
-        turn = -ca.vertcat(skew(dead[3:]) + ca.mtimes(skew(r), fixed), fixed)
-    else:
-        turn = ca.SX(6, 3)
-    mine = Composite(I_o, h, ca.SX(mass), K, P, n, f, turn)
+    mine = Composite(I_o, h, ca.SX(mass), K, P, n, f, stiff)
     if not outboard:
         return mine
     return Composite(*(x + y for x, y in zip(mine, outboard, strict=True)))
@@ -143,8 +138,8 @@ def factors(columns: Columns, body: Composite) -> Factors:
     return Factors(
         _times_inertia(body, J),
         ca.mtimes(body.K.T, J[:3, :]) + ca.mtimes(lower.T, J[3:, :]),
-        ca.mtimes(body.dead.T, J),
-        Z + ca.mtimes(body.dead, J[:3, :]),
+        ca.mtimes(body.stiff.T, J),
+        Z + ca.mtimes(body.stiff, J),
         _double_b(body, J[:3, :]) + 2 * _times_inertia(body, Pd),
     )
 
@@ -157,7 +152,7 @@ def mass_block(J: ca.SX, U: ca.SX) -> ca.SX:
 def lower_blocks(outer: Factors, inner: Columns) -> tuple[ca.SX, ca.SX]:
     """Rows of the outer segment, columns of the inner: d tau / d q and d tau / d qd."""
     dq = ca.mtimes(outer.W.T, inner.Pd[:3, :]) + ca.mtimes(outer.U.T, inner.Pdd)
-    dq = dq + ca.mtimes(outer.D.T, inner.J[:3, :])
+    dq = dq + ca.mtimes(outer.D.T, inner.J)
     dqd = ca.mtimes(outer.W.T, inner.J[:3, :]) + 2 * ca.mtimes(outer.U.T, inner.Pd)
     return dq, dqd
 
@@ -177,6 +172,16 @@ def diagonal_blocks(own: Factors, columns: Columns) -> tuple[ca.SX, ca.SX]:
         rows = [[below[i, j] if j <= i else above[i, j] for j in range(n)] for i in range(n)]
         blocks.append(ca.blockcat(rows) if n else ca.SX(0, 0))
     return blocks[0], blocks[1]
+
+
+def drag_blocks(row: ca.SX, column: ca.SX, column_Pd: ca.SX, drag: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """What drag on the discs beyond two segments adds to d tau / d q and d tau / d qd.
+
+    J_row^T drag Pd and J_row^T drag J: a rate of the column's coordinates changes the velocity
+    that the discs see of themselves by J, an angle by Pd (in the root frame).
+    """
+    gain = ca.mtimes(row.T, drag)
+    return ca.mtimes(gain, column_Pd), ca.mtimes(gain, column)
 
 
 def _times_inertia(body: Composite, X: ca.SX) -> ca.SX:
