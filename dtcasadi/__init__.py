@@ -5,6 +5,7 @@ from .charts import convert
 from .codegen import export_c
 from .discrete import DiscreteModel
 from .events import Event
+from .forces import Couple, FollowerLoad, Force, Payload, PointLoad
 from .model import Model, build
 from .profile import Profile
 from .result import Run
@@ -15,13 +16,18 @@ from .statics import Equilibrium, equilibrium
 
 __all__ = [
     "Chamber",
+    "Couple",
     "Damping",
     "Direct",
     "Disc",
     "DiscreteModel",
     "Equilibrium",
     "Event",
+    "FollowerLoad",
+    "Force",
     "Model",
+    "Payload",
+    "PointLoad",
     "Profile",
     "Regulator",
     "Robot",

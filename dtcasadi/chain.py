@@ -10,12 +10,12 @@ from typing import NamedTuple
 import casadi as ca
 
 from .assemble import Flat, Graph
-from .kernels import articulated as art
-from .kernels import kinematics as kin
-from .kernels import momentum as mom
 from .forces.gravity import felt_at_root
 from .forces.payload import together
 from .forces.protocol import Body, Force, packed
+from .kernels import articulated as art
+from .kernels import kinematics as kin
+from .kernels import momentum as mom
 from .kernels.kinematics import Segment, Turning, Words
 from .numbers import Numbers
 

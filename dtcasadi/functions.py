@@ -38,8 +38,7 @@ def gravity(g: Graphs) -> ca.Function:
 
 def spring(g: Graphs) -> ca.Function:
     """dV/dq of the springs."""
-    springs = list(g.chain.numbers.springs)
-    value = g.generalized(springs, g.chain.segments(g.q), g.still)
+    value = g.generalized(g.chain.numbers.springs, g.chain.segments(g.q), g.still)
     return g.function("spring", ("q", "theta"), force=-value)
 
 

@@ -163,11 +163,11 @@ class Graphs(Ports):
         """All wrenches on discs but those of fields."""
         return self.acting(self.forces(pressure), segments, qd)
 
-    def acting(self, forces: list[Force], segments: list, qd: ca.SX) -> list[Wrench]:
+    def acting(self, forces: Sequence[Force], segments: list, qd: ca.SX) -> list[Wrench]:
         """Sum of the forces' wrenches on each disc."""
         return self.chain.total(act(self.chain, forces, segments, qd))
 
-    def generalized(self, forces: list[Force], segments: list, qd: ca.SX) -> ca.SX:
+    def generalized(self, forces: Sequence[Force], segments: list, qd: ca.SX) -> ca.SX:
         """Generalized forces of the forces' wrenches."""
         return self.chain.project(segments, self.acting(forces, segments, qd))[0]
 
@@ -176,7 +176,7 @@ class Graphs(Ports):
         """No rates."""
         return self.chain.asm.expression(self.chain.n_q, 1)
 
-    def lost(self, forces: list[Force], segments: list, qd: ca.SX) -> ca.SX:
+    def lost(self, forces: Sequence[Force], segments: list, qd: ca.SX) -> ca.SX:
         """What the rates take from the generalized forces."""
         mine = [force for force in forces if traits(force).rates]
         at_rest = self.generalized(mine, segments, self.still)

@@ -78,7 +78,7 @@ def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
         raise ModelError(f"parameters: {path}: the robot has no {part}")
     if number is not None and not 1 <= int(number) <= count:
         raise ModelError(f"parameters: {path}: expected an index from 1 to {count}, got {number}")
-    places = range(count) if number is None else (int(number) - 1,)
+    places = list(range(count)) if number is None else [int(number) - 1]
     if part == "forces":
         places = _forces_with(robot, path, places, field)
     return tuple(Slot(part, place, field) for place in places)

@@ -28,6 +28,7 @@ DEFAULT = (
     "spring",
     "damping",
     "inflation",
+    "forces",
     "inverse_dynamics",
     "poses",
     "ode_jacobian",
@@ -188,7 +189,8 @@ def _facts(model: Model, discrete: "DiscreteModel") -> tuple[str, ...]:
     return (
         f"discs: {model.n_discs}, the first one fixed; masses {_numbers(masses)} kg",
         f"threads: lengths {_numbers([float(t.length) for t in robot.threads])} m",
-        f"springs: {len(robot.springs)}; chambers: {len(robot.chambers)}",
+        f"springs: {len(robot.springs)}; chambers: {len(robot.chambers)}; "
+        f"forces: {', '.join(type(force).__name__ for force in robot.forces) or 'none'}",
         f"up: {_numbers(robot.up)}; gravity: {robot.gravity:g} m/s^2",
         f"chart: {'/'.join(charts)}; velocity terms: {options.velocity_terms}; damping: "
         f"{options.damping}; inflation: {options.inflation}",

@@ -23,7 +23,7 @@ class SegmentDamping(Force):
     c_w: ca.SX
     c_r: ca.SX
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """Wrench on disc i+1."""
         assert disc.thread is not None
         t, near_rate, far_rate, length = disc.thread

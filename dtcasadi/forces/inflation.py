@@ -33,7 +33,7 @@ class EndPressure(Force):
     centroid: ca.SX
     radial_compliance: ca.SX
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """The wrench, whatever the pose."""
         scale = _scale(self.radial_compliance, self.pressure)
         area = self.area * scale**2
@@ -49,7 +49,9 @@ class PressureOnVolume(Force):
     rim points joined by straight lines. With the discs' axes x, y, z and D from centroid to
     centroid,
 
-    .. math:: 6 V = D \cdot (2 A_1 z_1 + 2 A_2 z_2 + \sqrt{A_1 A_2} (x_1 \times y_2 + x_2 \times y_1))
+    .. math::
+        6 V = D \cdot (2 A_1 z_1 + 2 A_2 z_2
+                       + \sqrt{A_1 A_2} (x_1 \times y_2 + x_2 \times y_1))
 
     by the divergence theorem, the discs being part of the closed surface. Conservative at constant
     pressure.
@@ -63,7 +65,7 @@ class PressureOnVolume(Force):
     centroid_next: ca.SX
     radial_compliance: ca.SX
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """Force p dV/dD at the centroid of disc i+1, and the moment p dV/d(rotation) about it."""
         arm, D, (_, outer, mixed), normal = self._parts(disc)
         x, y, z = ca.horzsplit(disc.R)

@@ -27,7 +27,7 @@ class DeadWrench(Force):
     force: ca.SX
     moment: ca.SX
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """The same whatever the pose."""
         return Wrench(column(self.moment), column(self.force))
 
@@ -72,11 +72,11 @@ class PointLoad(_PointForce):
         RobotError: a value is not finite, or the direction is zero.
     """
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """The force along the disc's axes, R^T f."""
         return disc.push_own(ca.mtimes(disc.R.T, self._vector()), self.point)
 
-    def energy(self, disc: DiscState) -> ca.SX:  # type: ignore[override]
+    def energy(self, disc: DiscState) -> ca.SX:
         """-f . place [J]."""
         return -ca.dot(self._vector(), disc.place(self.point))
 
@@ -95,7 +95,7 @@ class FollowerLoad(_PointForce):
         RobotError: a value is not finite, or the direction is zero.
     """
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """The same whatever the pose, along the disc's axes."""
         return disc.push_own(self._vector(), self.point)
 
@@ -129,7 +129,7 @@ class Couple(Force):
             follower=checks.truth("follower", self.follower),
         )
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """The moment."""
         moment = self.magnitude * column(self.direction)
         return disc.turn_own(moment) if self.follower else disc.turn(moment)

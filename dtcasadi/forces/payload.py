@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from .. import checks
-from ..parts import set_fields
 from ..kernels.axes import skew
+from ..parts import set_fields
 from .points import at_centre, checked_point
 from .protocol import Body, Force, Packed, column
 

@@ -149,7 +149,8 @@ class Force:
     Wrenches have to be smooth enough to be differentiated, and free of `if_else`.
     """
 
-    def wrenches(self, *discs: DiscState) -> Wrench | Sequence[Wrench]:
+    # Any arguments, so that a force may name the discs it sees: `wrenches(self, disc)`.
+    def wrenches(self, *discs: Any, **_: Any) -> Any:
         """Wrench on each disc it sees [N m, N]; a single one need not be in a sequence.
 
         By default the force of the energy: -dU/dr, and the moment -sum_k R_k x dU/dR_k over the
@@ -169,15 +170,15 @@ class Force:
             for disc, slope, pull in zip(discs, slopes[::2], slopes[1::2], strict=True)
         ]
 
-    def energy(self, *discs: DiscState) -> ca.SX | None:
+    def energy(self, *discs: Any, **_: Any) -> Any:
         """Potential energy [J] whose slope is the force at rest; None where there is none."""
         return None
 
-    def body(self) -> Body | None:
-        """Mass that moves with the disc; None where the force carries none."""
+    def body(self) -> Any:
+        """`Body` that moves with the disc; None where the force carries none."""
         return None
 
-    def field(self) -> ca.SX | None:
+    def field(self) -> Any:
         """Acceleration that every mass gets, along the root's axes, shape (3, 1) [m/s^2]."""
         return None
 

@@ -44,7 +44,8 @@ def span_states(
         if states:
             base = states[-1]
             r, v, w = (ca.mtimes(base.R, part) for part in (r, v, w))
-            thread = ThreadState(*(ca.mtimes(base.R, p) for p in thread[:3]), seg.length)
+            t, near, far = (ca.mtimes(base.R, part) for part in thread[:3])
+            thread = ThreadState(t, near, far, seg.length)
             w, v = base.w + w, base.v + cross(base.w, r) + v
             R, r = ca.mtimes(base.R, R), base.r + r
         states.append(DiscState(R, r, (w, v), thread=thread))

@@ -25,7 +25,7 @@ class Springs(Force):
     rest_length: ca.SX
     damping: ca.SX
 
-    def wrenches(self, disc: DiscState) -> Wrench:  # type: ignore[override]
+    def wrenches(self, disc: DiscState) -> Wrench:
         """Wrench on disc i+1."""
         zero = ca.SX.zeros(3)
         total = Wrench(zero, zero)
@@ -40,7 +40,7 @@ class Springs(Force):
             total = total + Wrench(cross(arm, force), force)
         return total
 
-    def energy(self, disc: DiscState) -> ca.SX:  # type: ignore[override]
+    def energy(self, disc: DiscState) -> ca.SX:
         """Sum of k (|d| - L)^2 / 2 [J]."""
         total = ca.SX(0)
         for m in range(self.stiffness.shape[0]):

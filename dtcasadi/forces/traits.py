@@ -1,7 +1,7 @@
 """What a force's wrenches depend on, found by asking it once."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,11 +30,12 @@ def traits(force: Force) -> Traits:
         return Traits(False, False, True)
     parts = packed(force)
     shapes = tuple(tuple(value.sparsity().compress()) for value in parts.values)
-    return _traits(parts.kind, parts.static, parts.names, shapes, len(force.touched()))
+    kind: Any = parts.kind  # a class is hashable, whatever its instances are
+    return _traits(kind, parts.static, parts.names, shapes, len(force.touched()))
 
 
 @lru_cache(maxsize=1024)
-def _traits(kind: type, static: tuple, names: tuple, shapes: tuple, touched: int) -> Traits:
+def _traits(kind: Any, static: tuple, names: tuple, shapes: tuple, touched: int) -> Traits:
     values = tuple(
         ca.SX.sym(name, ca.Sparsity.compressed(list(shape)))
         for name, shape in zip(names, shapes, strict=True)
