@@ -26,16 +26,10 @@ class Magnet(dtc.Force):
         return self.strength / 2 * ca.log(ca.sumsqr(gap) + self.soft)
 
 
-@dataclass(frozen=True, eq=False)
-class MagnetByEnergy(dtc.Force):
+class MagnetByEnergy(Magnet):
     """The same from its energy alone."""
 
-    disc: int
-    strength: float
-    place: tuple[float, ...] = (0.3, 0.4, 0.5)
-    soft: float = 0.2
-
-    energy = Magnet.energy
+    wrenches = dtc.Force.wrenches
 
 
 @dataclass(frozen=True, eq=False)
