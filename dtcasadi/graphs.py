@@ -130,13 +130,11 @@ class Graphs(Ports):
     @cached_property
     def open_forces(self) -> list[Force]:
         """The robot's open list and the theta block `wrench`."""
-        dead = self.theta[self.layout.blocks.get("wrench", slice(0, 0))]
-        parts = ca.vertsplit(dead, 3)
+        start = self.layout.blocks.get("wrench", slice(0, 0)).start
+        places = range(start, start + 6 * len(self.options.wrenches), 6)
         wrenches = [
-            DeadWrench(disc, force, moment)
-            for disc, force, moment in zip(
-                self.options.wrenches, parts[::2], parts[1::2], strict=True
-            )
+            DeadWrench(disc, self.theta[k : k + 3], self.theta[k + 3 : k + 6])
+            for disc, k in zip(self.options.wrenches, places, strict=True)
         ]
         return [*self.chain.numbers.forces, *wrenches]
 
