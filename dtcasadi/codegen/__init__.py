@@ -36,7 +36,7 @@ BESIDE: dict[str, str] = {}
 
 
 def export_c(
-    functions_or_model: "Model | Scene | Mapping[str, ca.Function | Exposed]",
+    functions_or_model: "Model | Scene | Mapping[str, ca.Function | Exposed] | Export",
     folder: str | PathLike[str],
     *,
     name: str | None = None,
@@ -52,7 +52,8 @@ def export_c(
 
     Args:
         functions_or_model: a model, a scene (its model, initial state and pressure), or a mapping
-            of names to casadi Functions (`codegen.exposed` adds a title and C kernels to one).
+            of names to casadi Functions (`codegen.exposed` adds a title and C kernels to one); or
+            what `codegen.described` makes of one of these, with `name` and the last three.
         folder: created where missing; nothing outside of it is written.
         name: prefix of every symbol and file; default: the scene's name.
         format: a name of `codegen.FORMATS`.
@@ -75,14 +76,11 @@ def export_c(
         raise ModelError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     if format != "c" and (simd or single):
         raise ModelError(f"format: expected c with simd or single, got {format!r}")
-    export = described(
-        functions_or_model,
-        name=name,
-        functions=functions,
-        method=method,
-        step_s=step_s,
-        single=single,
-    )
+    export = functions_or_model
+    if not isinstance(export, Export):
+        export = described(
+            export, name=name, functions=functions, method=method, step_s=step_s, single=single
+        )
     settings = Settings(single=single, simd=simd)
     modules = [
         FORMATS[format],
@@ -109,4 +107,13 @@ def _functions(export: Export, files: Mapping[str, str]) -> tuple[Mapping[str, A
     )
 
 
-__all__ = ["FORMATS", "Export", "Exported", "Exposed", "Settings", "export_c", "exposed"]
+__all__ = [
+    "FORMATS",
+    "Export",
+    "Exported",
+    "Exposed",
+    "Settings",
+    "described",
+    "export_c",
+    "exposed",
+]

@@ -88,9 +88,15 @@ def described(
     if not isinstance(model, Model):
         expected = "a Model, a Scene or a mapping of names to casadi Functions"
         raise ModelError(f"functions_or_model: expected {expected}, got {shown(given)}")
-    return _of_model(
-        model, scene, name, functions, _discrete(model, scene, method, step_s, single=single)
+    names = tuple(functions) or tuple(
+        each for each in DEFAULT if each != "recentre" or model.recentres
     )
+    # Building the step takes longer than everything else.
+    stepped = not {"step", "linearize"}.isdisjoint(names)
+    if not stepped and (method is not None or step_s is not None):
+        raise ModelError("method, step_s: expected step or linearize among the functions, got none")
+    discrete = _discrete(model, scene, method, step_s, single=single) if stepped else None
+    return _of_model(model, scene, name, names, discrete)
 
 
 def _of_mapping(name: str, value: ca.Function | Exposed) -> Exposed:
@@ -131,12 +137,9 @@ def _of_model(
     scene: Scene | None,
     name: str,
     functions: Sequence[str],
-    discrete: "DiscreteModel",
+    discrete: "DiscreteModel | None",
 ) -> Export:
-    names = tuple(functions) or tuple(
-        each for each in DEFAULT if each != "recentre" or model.recentres
-    )
-    chosen = _different(tuple(_of_name(model, discrete, each) for each in names))
+    chosen = _different(tuple(_of_name(model, discrete, each) for each in functions))
     title = scene.title if scene is not None else f"{model.n_discs} discs"
     return Export(
         name,
@@ -147,19 +150,19 @@ def _of_model(
         theta0=model.theta0,
         theta_blocks=model.theta_blocks,
         facts=_facts(model, discrete),
-        motion=_motion(model, scene, discrete.step_s),
+        motion=_motion(model, scene, None if discrete is None else discrete.step_s),
         model=model,
     )
 
 
-def _of_name(model: Model, discrete: "DiscreteModel", name: str) -> Exposed:
-    title = _TITLES.get(name, "").format(method=discrete.method, step_s=discrete.step_s)
-    if name in ("step", "linearize"):
+def _of_name(model: Model, discrete: "DiscreteModel | None", name: str) -> Exposed:
+    if name in ("step", "linearize") and discrete is not None:
+        title = _TITLES[name].format(method=discrete.method, step_s=discrete.step_s)
         return exposed(name, getattr(discrete, name), discrete.native(name), title)
     if name == "recentre":
-        return exposed(name, recentre_function(model), None, title)
+        return exposed(name, recentre_function(model), None, _TITLES[name])
     if name not in FUNCTIONS:
-        names = ", ".join((*FUNCTIONS, "step", "linearize", "recentre"))
+        names = ", ".join((*FUNCTIONS, *_TITLES))
         raise ModelError(f"functions: expected names of {names}, got {shown(name)}")
     title = getattr(Model, name).__doc__ or ""
     return exposed(name, model.function(name), model.native(name), title)
@@ -174,7 +177,7 @@ def _labels(model: Model) -> dict[str, tuple[Label, ...]]:
     return {"x": state, "q": state[:n], "u": chambers, "pressure": chambers}
 
 
-def _motion(model: Model, scene: Scene | None, step_s: float) -> Motion:
+def _motion(model: Model, scene: Scene | None, step_s: float | None) -> Motion:
     centre = np.asarray(model.robot.discs[-1].centre_of_mass, dtype=float)
     if scene is not None:
         return Motion(scene.x0(model), scene.pressure, scene.t_end, step_s, centre)
@@ -182,11 +185,11 @@ def _motion(model: Model, scene: Scene | None, step_s: float) -> Motion:
     return Motion(np.zeros(model.n_x), rest, _PLAIN_T_END_S, step_s, centre)
 
 
-def _facts(model: Model, discrete: "DiscreteModel") -> tuple[str, ...]:
+def _facts(model: Model, discrete: "DiscreteModel | None") -> tuple[str, ...]:
     robot, options = model.robot, model.options
     charts = sorted({chart.name for chart in model.charts})
     masses = [float(disc.mass) for disc in robot.discs]
-    return (
+    facts = (
         f"discs: {model.n_discs}, the first one fixed; masses {_numbers(masses)} kg",
         f"threads: lengths {_numbers([float(t.length) for t in robot.threads])} m",
         f"springs: {len(robot.springs)}; chambers: {len(robot.chambers)}; "
@@ -195,8 +198,10 @@ def _facts(model: Model, discrete: "DiscreteModel") -> tuple[str, ...]:
         f"chart: {'/'.join(charts)}; velocity terms: {options.velocity_terms}; damping: "
         f"{options.damping}; inflation: {options.inflation}",
         f"actuator: {model.actuator!r}",
-        f"step: method {discrete.method}, {discrete.step_s:g} s",
     )
+    if discrete is None:
+        return facts
+    return (*facts, f"step: method {discrete.method}, {discrete.step_s:g} s")
 
 
 def _numbers(values: Sequence[float] | np.ndarray) -> str:

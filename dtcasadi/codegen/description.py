@@ -102,14 +102,14 @@ class Motion:
         x0: initial state, shape (n_x,).
         command: commands against time.
         t_end: duration [s].
-        step_s: step of the function `step` [s].
+        step_s: step of the function `step` [s]; None where it is not exported.
         centre: centre of mass of the last disc in its own frame, shape (3,) [m].
     """
 
     x0: np.ndarray
     command: Profile
     t_end: float
-    step_s: float
+    step_s: float | None
     centre: np.ndarray
 
 

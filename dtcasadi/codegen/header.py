@@ -77,7 +77,7 @@ def _sizes(export: Export, settings: Settings) -> Iterable[tuple[str, object, st
         key = f"{NAME}_THETA_{macro(block)}"
         yield key, place.start, f"block {comment(block)} of theta starts here"
         yield f"{key}_SIZE", place.stop - place.start, ""
-    if export.motion is not None:
+    if export.motion is not None and export.motion.step_s is not None:
         step_s = number(export.motion.step_s, single=settings.single)
         yield f"{NAME}_STEP_S", step_s, "of the function step [s]"
 

@@ -37,7 +37,7 @@ def texts(
 def _simulation(export: Export, settings: Settings, fields: Mapping[str, object]) -> str:
     """The example that moves the robot."""
     motion = export.motion
-    assert motion is not None and export.theta0 is not None
+    assert motion is not None and motion.step_s is not None and export.theta0 is not None
     name = export.name
     steps = max(1, round(motion.t_end / motion.step_s))
     breaks, values, slopes = _command(motion)
