@@ -12,9 +12,10 @@ from .result import Run
 from .robot import Chamber, Damping, Disc, Robot, Spring, Thread
 from .scene import Scene, load_scene, scene_names
 from .simulate import simulate
-from .statics import Equilibrium, equilibrium
+from .statics import Branch, Equilibrium, branch, equilibrium
 
 __all__ = [
+    "Branch",
     "Chamber",
     "Couple",
     "Damping",
@@ -35,6 +36,7 @@ __all__ = [
     "Scene",
     "Spring",
     "Thread",
+    "branch",
     "build",
     "convert",
     "equilibrium",

@@ -134,14 +134,14 @@ def compile_functions(
 
 
 def load_library(
-    functions: Mapping[str, ca.Function], source: str, constants: Mapping[str, int]
+    functions: Mapping[str, ca.Function], source: str, constants: Mapping[str, float]
 ) -> ctypes.CDLL | None:
     """Hand-written C compiled in one library with the Functions it calls.
 
     Args:
         functions: macro by which the C text calls a Function -> the Function.
         source: C text appended to the generated code.
-        constants: integers the text names as macros.
+        constants: numbers the text names as macros.
 
     Returns:
         The library, or None where no working compiler is found (said once per process).

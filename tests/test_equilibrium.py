@@ -18,7 +18,7 @@ import dtcasadi as dtc
 from dtcasadi.errors import StaticsError
 from dtcasadi.presets import rim
 from dtcasadi.robot import Damping, Disc, Robot, Spring, Thread
-from dtcasadi.statics.balance import LoadPath
+from dtcasadi.statics.loads import LoadPath
 from dtcasadi.statics.search import Mode, search_of
 
 
@@ -46,6 +46,7 @@ def test_no_equilibrium_is_said_and_has_no_pose():
     assert found.status != "found" and found.message.startswith("no equilibrium found")
     assert np.all(np.isnan(found.q)) and found.kind == "none"
     assert found.residual > 0.1 * found.load
+    assert found.message.endswith("the loads can be balanced up to 0.833 of them")  # 1 / 1.2
     with pytest.raises(StaticsError, match="expected an equilibrium, got: no equilibrium found"):
         _ = found.frequencies
 
@@ -134,11 +135,9 @@ def test_flutter_above_the_critical_pressure():
 
 def test_damped_motion_comes_to_the_same_rest():
     found = dtc.equilibrium(scene_model(DOWN), 12.0)
-    run = dtc.simulate(
-        scene_model(DOWN), np.zeros(12), pressure=12.0, t_end=400.0, rtol=1e-8, atol=1e-10
-    )
-    # The slowest mode, -0.051 1/s, leaves exp(-20).
-    np.testing.assert_allclose(run.q[:, -1], found.q, atol=1e-7)
+    run = dtc.simulate(scene_model(DOWN), np.zeros(12), pressure=12.0, t_end=250.0)
+    # The slowest mode, -0.051 1/s, leaves exp(-12.8).
+    np.testing.assert_allclose(run.q[:, -1], found.q, atol=1e-5)
 
 
 @cache

@@ -1,7 +1,7 @@
 /* Search for an equilibrium; `dtcasadi/statics/search.py` holds its twin and explains the method.
 
    BALANCE(q, s, pressure, tau, theta, d_pressure, d_tau, d_theta) -> residual, load, K, M, D, slope,
-   NEWTON(residual, K, M, slope, shift, normal, weight) -> dq, ds and, with centres,
+   NEWTON(residual, K, M, slope, shift, ground, normal, weight) -> dq, ds and, with centres,
    ABSORB(q, frames) -> frames are the generated functions, N the number of coordinates. The caller
    owns every buffer, w and iw with the sizes of the function that asks for most. */
 #include <math.h>
@@ -12,7 +12,7 @@ enum { NEAREST = 0, SETTLE = 1 };
 typedef struct {
   double rtol, floor, reach, limit; /* tolerances; longest step and charts' limit [rad] */
   double s, weight;                 /* the parameter, and its part in the constraint */
-  double shift, residual, load;
+  double shift, ground, residual, load;
   casadi_int mode, most, n_centres;
   casadi_int iterations, evaluations, recentrings;
 } dtc_search;
@@ -57,9 +57,10 @@ static void find_evaluate(dtc_search* s, dtc_pointers* p, const double* q, doubl
 }
 
 static void find_newton(dtc_search* s, dtc_pointers* p, double* dq, double* ds) {
-  const double* in[] = {p->F, p->K, p->M, p->slope, &s->shift, p->normal, &s->weight};
+  const double* in[] = {p->F,      p->K,       p->M,      p->slope,
+                        &s->shift, &s->ground, p->normal, &s->weight};
   casadi_int i;
-  for (i = 0; i < 7; ++i) p->arg[i] = in[i];
+  for (i = 0; i < 8; ++i) p->arg[i] = in[i];
   p->res[0] = dq;
   p->res[1] = ds;
   NEWTON(p->arg, p->res, p->iw, p->w, 0);
@@ -153,9 +154,9 @@ casadi_int dtc_find(dtc_search* s, const double* pressure, const double* tau,
     double stiffness = find_largest(K, N * N, 1), inertia = find_largest(M, N, N + 1), work;
     double ratio = stiffness > 0 && inertia > 0 ? stiffness / inertia : 1;
     if (!isfinite(s->residual) || !isfinite(stiffness)) return NOT_FINITE;
-    s->shift = fmax(s->shift, 1e-12 * ratio);
+    s->ground = GROUND * stiffness;
     if (s->residual <= s->rtol * s->load + s->floor * stiffness) {
-      s->shift = 1e-12 * ratio;
+      s->shift = 0;
       find_polish(s, &p, dq);
       return FOUND;
     }

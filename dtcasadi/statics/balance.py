@@ -1,49 +1,11 @@
 """The balance of forces at rest along a path of loads, as CasADi Functions."""
 
-from dataclasses import dataclass
-
 import casadi as ca
-import numpy as np
 
 from .. import functions
 from ..graphs import OPTIONS, Graphs
 from ..jacobians import linear_form
 from ..linear import Factored
-
-
-@dataclass(frozen=True, eq=False)
-class LoadPath:
-    """Loads as affine functions of one parameter s: pressure + s d_pressure and so on.
-
-    Attributes:
-        pressure: chamber pressures at s = 0, shape (n_u,) [Pa].
-        tau: generalized forces at s = 0, shape (n_q,) [N m].
-        theta: parameters at s = 0, shape (n_theta,).
-        d_pressure: change of the pressures per unit of s.
-        d_tau: the same of the generalized forces.
-        d_theta: the same of the parameters.
-    """
-
-    pressure: np.ndarray
-    tau: np.ndarray
-    theta: np.ndarray
-    d_pressure: np.ndarray
-    d_tau: np.ndarray
-    d_theta: np.ndarray
-
-    @classmethod
-    def constant(cls, pressure: np.ndarray, tau: np.ndarray, theta: np.ndarray) -> "LoadPath":
-        """Loads that do not change."""
-        still = (np.zeros_like(values) for values in (pressure, tau, theta))
-        return cls(pressure, tau, theta, *still)
-
-    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pressure, tau and theta at s."""
-        return (
-            self.pressure + s * self.d_pressure,
-            self.tau + s * self.d_tau,
-            self.theta + s * self.d_theta,
-        )
 
 
 def balance(g: Graphs) -> ca.Function:
@@ -92,18 +54,21 @@ def _forces(g: Graphs) -> ca.Function:
 def newton(g: Graphs) -> ca.Function:
     """A Newton step under a linear constraint.
 
-        [ K + shift M   slope  ] [dq]   [-residual]
-        [ normal^T      weight ] [ds] = [    0    ]
+        [ K + shift M + ground 1   slope  ] [dq]   [-residual]
+        [ normal^T                 weight ] [ds] = [    0    ]
 
-    Ports residual, K, M, slope, shift, normal, weight; outputs dq, ds.
+    Ports residual, K, M, slope, shift, ground, normal, weight; outputs dq, ds.
     """
     n = g.chain.n_q
     shapes = {"residual": (n, 1), "K": (n, n), "M": (n, n), "slope": (n, 1), "shift": (1, 1)}
-    shapes |= {"normal": (n, 1), "weight": (1, 1)}
+    shapes |= {"ground": (1, 1), "normal": (n, 1), "weight": (1, 1)}
     port = {name: ca.MX.sym(name, *shape) for name, shape in shapes.items()}
     matrix = ca.blockcat(
         [
-            [port["K"] + port["shift"] * port["M"], port["slope"]],
+            [
+                port["K"] + port["shift"] * port["M"] + port["ground"] * ca.MX.eye(n),
+                port["slope"],
+            ],
             [port["normal"].T, port["weight"]],
         ]
     )

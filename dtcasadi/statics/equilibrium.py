@@ -11,12 +11,14 @@ import numpy as np
 from .. import checks
 from ..errors import StaticsError
 from ..model import Model
-from .balance import LoadPath
+from .continuation import Tracer, follow
+from .loads import LoadPath, load_error, ramped
 from .search import Found, Mode, Search, Why, search_of
 from .stability import Stability, stability
 
 # How far a pose that gives way is pushed [rad], and how many such poses are left in one search.
 NUDGE, NUDGES = 0.05, 8
+_RAMP = 40  # points on the way from no loads to all
 _WORDS = {
     Why.FOUND: "found",
     Why.MOST: "too many iterations",
@@ -148,14 +150,18 @@ def equilibrium(
     path, q = checked(model, pressure, guess, theta, tau)
     search = search_of(model)
     count = Counter()
+    hint = "try another guess"
     if guess is None:
         found, small = _settled(search, path, q, count)
+        if small is None:
+            found, small, hint = _approached(search, path, found, count)
     else:
         found = count(search.run(path, q, mode=Mode.NEAREST))
         if found.why is not Why.FOUND:
             found = count(search.run(path, q))
         small = stability_of(found)
-    return result(model, path, found, small, count, time.perf_counter() - start)
+    outcome = result(model, path, found, small, count, time.perf_counter() - start)
+    return outcome if small else replace(outcome, message=f"{outcome.message}; {hint}")
 
 
 class Counter:
@@ -183,19 +189,19 @@ def checked(
     if not isinstance(model, Model):
         raise StaticsError(f"model: expected a Model, got {checks.shown(model)}")
     if np.ndim(pressure) == 0:  # type: ignore[arg-type]
-        pressure = np.full(model.n_u, checks.number("pressure", pressure, error=_error))
+        pressure = np.full(model.n_u, checks.number("pressure", pressure, error=load_error))
     if isinstance(guess, Equilibrium):
         theta = guess.theta if theta is None else theta
         guess = guess.q
     still = np.zeros(model.n_q)
     path = LoadPath.constant(
-        checks.array("pressure", pressure, (model.n_u,), error=_error),
-        still if tau is None else checks.array("tau", tau, (model.n_q,), error=_error),
+        checks.array("pressure", pressure, (model.n_u,), error=load_error),
+        still if tau is None else checks.array("tau", tau, (model.n_q,), error=load_error),
         model.theta0
         if theta is None
-        else checks.array("theta", theta, model.theta0.shape, error=_error),
+        else checks.array("theta", theta, model.theta0.shape, error=load_error),
     )
-    q = still if guess is None else checks.array("guess", guess, (model.n_q,), error=_error)
+    q = still if guess is None else checks.array("guess", guess, (model.n_q,), error=load_error)
     return path, q
 
 
@@ -217,6 +223,29 @@ def _settled(
     return found, small
 
 
+def _approached(
+    search: Search, path: LoadPath, failed: Found, count: Counter
+) -> tuple[Found, Stability | None, str]:
+    """The loads put on from nothing, along one curve; without success the failure and a hint."""
+    ramp = ramped(search.model, path)
+    still = np.zeros(search.model.n_q)
+    start, small = _settled(search, ramp, still, count)
+    if small is None:
+        return failed, None, "nor is there one without loads"
+    tracer = Tracer(search, ramp, 1.0)
+    first = tracer.point(start, np.append(still, 1.0))
+    trace = follow(tracer, first, (0.0, 1.0), _RAMP, watch=False)
+    for point in trace.points:
+        count(point.found)
+    last = trace.points[-1]
+    if trace.success and last.found.s == 1.0:
+        end = replace(path, theta=last.found.theta)
+        found = count(search.run(end, last.found.q, mode=Mode.NEAREST))
+        return found, stability_of(found), ""
+    most = max(point.found.s for point in trace.points)
+    return failed, None, f"put on from nothing, the loads can be balanced up to {most:.3g} of them"
+
+
 def stability_of(found: Found) -> Stability | None:
     """The stability of what a search found, if it found something."""
     return stability(found.M, found.D, found.K) if found.why is Why.FOUND else None
@@ -231,12 +260,12 @@ def result(
     wall_time: float,
 ) -> Equilibrium:
     """The outcome of a search for people."""
-    pressure, tau, _ = path.at(found.s)
+    pressure, tau, theta = replace(path, theta=found.theta).at(found.s)
     success = small is not None
     return Equilibrium(
         model=model,
         q=found.q if success else np.full(model.n_q, np.nan),
-        theta=found.theta if success else path.at(found.s)[2],
+        theta=theta,
         pressure=pressure,
         tau=tau,
         success=success,
@@ -260,10 +289,7 @@ def _sentence(found: Found, small: Stability | None) -> str:
             Why.STUCK: "no step brings the forces closer to balance",
             Why.NOT_FINITE: "the forces are not finite",
         }[found.why]
-        return (
-            f"no equilibrium found: {reason}, {balance}; try another guess, or approach the loads "
-            "in steps"
-        )
+        return f"no equilibrium found: {reason}, {balance}"
     if small.kind == "neutral":
         manner = f"neutral, {_many(small.floppy.shape[1], 'direction')} without stiffness"
     elif small.stable:
@@ -277,7 +303,3 @@ def _sentence(found: Found, small: Stability | None) -> str:
 
 def _many(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def _error(field: str, expected: str, got: object) -> StaticsError:
-    return StaticsError(f"{field}: expected {expected}, got {got}")

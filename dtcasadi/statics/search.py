@@ -9,8 +9,8 @@ M dq/dt = -residual, and Newton's method for shift -> 0. The shift grows until d
 forces; dq is cut to `reach` and where the forces turn against it. Forces need no potential.
 `NEAREST` is Newton's method that backtracks until the residual falls: stable or not.
 
-The shift never falls below 1e-12 of the stiffness, so directions without stiffness (floppy modes)
-get no step instead of an infinite one.
+K carries `GROUND` of the largest stiffness on its diagonal in each step, so directions without
+stiffness (floppy modes) get no step instead of an infinite one.
 """
 
 import ctypes
@@ -28,12 +28,15 @@ from ..compile import load_library
 from ..kernels.recentring import absorbed
 from ..model import Model
 from ..recentring import LIMIT, off_centre
-from .balance import LoadPath, balance, newton
+from .balance import balance, newton
+from .loads import LoadPath
 
 # Imbalance over the loads that are there, before the last Newton step.
 RTOL = 1e-10
 # Imbalance over the largest stiffness: round-off of the forces, a pose error of this many radians.
 FLOOR = 1e-13
+# Softer than this, of the largest stiffness, is taken for floppy; it slows Newton's method there.
+GROUND = 1e-11
 # Longest step in one coordinate [rad].
 REACH = 0.5
 
@@ -54,7 +57,10 @@ class Mode(IntEnum):
     SETTLE = 1
 
 
-_DOUBLES = ("rtol", "floor", "reach", "limit", "s", "weight", "shift", "residual", "load")
+_DOUBLES = (
+    *("rtol", "floor", "reach", "limit", "s", "weight"),
+    *("shift", "ground", "residual", "load"),
+)
 _INTEGERS = ("mode", "most", "n_centres", "iterations", "evaluations", "recentrings")
 
 
@@ -216,7 +222,8 @@ class _Twin:
 
     def newton(self) -> tuple[np.ndarray, float]:
         out = self.bound.outputs
-        top = np.column_stack([out.K + self.s.shift * out.M, out.slope])
+        ground = self.s.ground * np.eye(len(self.F))
+        top = np.column_stack([out.K + self.s.shift * out.M + ground, out.slope])
         matrix = np.vstack([top, np.append(self.normal, self.s.weight)])
         try:
             solution = np.linalg.solve(matrix, np.append(-self.F, 0.0))
@@ -284,9 +291,9 @@ class _Twin:
                 ratio = stiffness / inertia if stiffness > 0 and inertia > 0 else 1.0
                 if not (np.isfinite(s.residual) and np.isfinite(stiffness)):
                     return Why.NOT_FINITE
-                s.shift = max(s.shift, 1e-12 * ratio)
+                s.ground = GROUND * stiffness
                 if s.residual <= s.rtol * s.load + s.floor * stiffness:
-                    s.shift = 1e-12 * ratio
+                    s.shift = 0.0
                     self.polish()
                     return Why.FOUND
                 if s.iterations >= s.most:
@@ -307,7 +314,7 @@ def search_of(model: Model) -> Search:
         native, plain = model.graphs
         functions = {"BALANCE": balance(native), "NEWTON": newton(native), "ABSORB": absorbed()}
         source = (files("dtcasadi") / "native" / "find.c").read_text(encoding="utf-8")
-        library = load_library(functions, source, {"N": model.n_q})
+        library = load_library(functions, source, {"N": model.n_q, "GROUND": GROUND})
         return Search(model, balance(plain), tuple(functions.values()), library)
 
     return model.once("search", build)

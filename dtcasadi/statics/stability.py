@@ -20,6 +20,8 @@ import scipy.linalg
 SIGNIFICANT = 1e-10
 # Where K and D count as symmetric, and D as zero, of their largest entry.
 _SYMMETRIC = 1e-10
+# Of the fastest eigenvalue: a slower one may be that of a mode without stiffness.
+_SLOW = 1e-9
 _ROUND_OFF = 1e-14  # of the largest entry of K: a few hundred operations
 
 
@@ -34,6 +36,7 @@ class Stability:
             the fastest.
         divergent: number of real growing modes.
         fluttering: number of complex pairs that grow.
+        loose: whether some mode has no stiffness.
     """
 
     M: np.ndarray
@@ -42,6 +45,7 @@ class Stability:
     kind: str
     divergent: int
     fluttering: int
+    loose: bool
 
     @property
     def stable(self) -> bool:
@@ -58,6 +62,16 @@ class Stability:
         """Roots of det(lambda^2 M + lambda D + K), fastest growing first, shape (2 n_q,) [1/s]."""
         values = scipy.linalg.eigvals(_state_matrix(self.M, self.D, self.K), check_finite=False)
         return values[np.lexsort((values.imag, -values.real))]
+
+    def growth(self, rank: int) -> float:
+        """The rank-th largest measure of growth (from 0): a continuous function of M, D, K.
+
+        The real part of an eigenvalue lambda; of a conservative system -omega^2, which tells what
+        gives way from what is about to where damping hides it.
+        """
+        if _is_symmetric(self.K) and _only_takes_energy(self.D):
+            return float(-self.squared_frequencies[rank])
+        return float(self.eigenvalues[rank].real)
 
     @property
     def growing_shape(self) -> np.ndarray:
@@ -115,7 +129,7 @@ def stability(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> Stability:
     """
     if _is_symmetric(K) and _only_takes_energy(D):
         real, pairs, neutral = _conservative(M, K)
-    elif np.max(np.abs(D)) <= _SYMMETRIC * np.sqrt(np.max(np.abs(K)) * np.max(np.abs(M))):
+    elif _largest(D) <= _SYMMETRIC * np.sqrt(_largest(K) * _largest(M)):
         real, pairs, neutral = _undamped_follower(M, K)
     else:
         real, pairs, neutral = _general(M, D, K)
@@ -123,7 +137,7 @@ def stability(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> Stability:
         kind = "divergence" if max(real, default=0.0) >= max(pairs, default=0.0) else "flutter"
     else:
         kind = "neutral" if neutral else "stable"
-    return Stability(M, D, K, kind, len(real), len(pairs))
+    return Stability(M, D, K, kind, len(real), len(pairs), neutral)
 
 
 def _conservative(M: np.ndarray, K: np.ndarray) -> tuple[list[float], list[float], bool]:
@@ -152,7 +166,8 @@ def _undamped_follower(M: np.ndarray, K: np.ndarray) -> tuple[list[float], list[
 def _general(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> tuple[list[float], list[float], bool]:
     """The same from the eigenvalues of the state matrix, each doubtful one with its shape."""
     values = np.linalg.eigvals(_state_matrix(M, D, K))
-    doubtful = (values.real > 0) | (np.abs(values) <= 1e-6 * np.max(np.abs(values)))
+    sizes = np.abs(values)
+    doubtful = (values.real > 0) | (sizes <= _SLOW * sizes.max())
     real: list[float] = []
     pairs: list[float] = []
     neutral = False
@@ -178,7 +193,7 @@ def _least(K: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """Below this a shape has no stiffness: a share of |v|^T |K| |v|, and round-off of K."""
     size = np.abs(shapes)
     terms = np.einsum("ij,ik,kj->j", size, np.abs(K), size)
-    return SIGNIFICANT * terms + _ROUND_OFF * np.max(np.abs(K)) * np.sum(size**2, axis=0)
+    return SIGNIFICANT * terms + _ROUND_OFF * _largest(K) * np.sum(size**2, axis=0)
 
 
 def _state_matrix(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -186,12 +201,16 @@ def _state_matrix(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
     n = len(M)
     state = np.zeros((2 * n, 2 * n))
     state[:n, n:] = np.eye(n)
-    state[n:] = -scipy.linalg.solve(M, np.hstack([K, D]), assume_a="pos", check_finite=False)
+    state[n:] = np.linalg.solve(M, np.hstack([-K, -D]))
     return state
 
 
 def _is_symmetric(matrix: np.ndarray) -> bool:
-    return bool(np.max(np.abs(matrix - matrix.T)) <= _SYMMETRIC * np.max(np.abs(matrix)))
+    return _largest(matrix - matrix.T) <= _SYMMETRIC * _largest(matrix)
+
+
+def _largest(matrix: np.ndarray) -> float:
+    return float(np.abs(matrix).max())
 
 
 def _only_takes_energy(D: np.ndarray) -> bool:
