@@ -8,14 +8,17 @@ from .events import Event
 from .forces import Couple, FollowerLoad, Force, Payload, PointLoad
 from .model import Model, build
 from .profile import Profile
+from .ratings import PressureWarning
 from .result import Run
 from .robot import Chamber, Damping, Disc, Robot, Spring, Thread
+from .rod import Cell
 from .scene import Scene, load_scene, scene_names
 from .simulate import simulate
 from .statics import Branch, Equilibrium, branch, equilibrium
 
 __all__ = [
     "Branch",
+    "Cell",
     "Chamber",
     "Couple",
     "Damping",
@@ -29,6 +32,7 @@ __all__ = [
     "Model",
     "Payload",
     "PointLoad",
+    "PressureWarning",
     "Profile",
     "Regulator",
     "Robot",

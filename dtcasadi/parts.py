@@ -189,12 +189,14 @@ class Chamber:
         radial_compliance: growth of the pressed outline by pressure: c in scale = 1 + c pressure
             of its lengths from the frame's origin, not negative [1/Pa]. Springs and masses keep
             their places.
+        rated_pressure: gauge pressure above which a simulation warns [Pa]; None: never.
     """
 
     discs: tuple[int, int]
     areas: np.ndarray | None = None
     centroids: np.ndarray | None = None
     radial_compliance: float = 0.0
+    rated_pressure: float | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -213,6 +215,9 @@ class Chamber:
             set_fields(self, areas=areas)
         if self.centroids is not None:
             set_fields(self, centroids=checks.array("centroids", self.centroids, (n, 3)))
+        if self.rated_pressure is not None:
+            rated = checks.number("rated_pressure", self.rated_pressure, positive=True)
+            set_fields(self, rated_pressure=rated)
 
 
 @dataclass(frozen=True, eq=False)

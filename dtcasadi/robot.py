@@ -6,6 +6,7 @@ tangent, z axial. Everything is checked once, here and in `dtcasadi.parts`; the 
 no checks.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -90,6 +91,100 @@ class Robot:
             up=checks.unit("up", self.up),
             gravity=checks.number("gravity", self.gravity, nonnegative=True),
             forces=_fitted(_items("forces", self.forces, Force), discs, threads),
+        )
+
+    @classmethod
+    def from_tube(
+        cls,
+        length: float,
+        radius: float,
+        wall_thickness: float,
+        youngs_modulus: float,
+        poissons_ratio: float,
+        density: float,
+        n_discs: int,
+        fabric: str = "strip",
+        *,
+        payload: float = 0.0,
+        bend: float | Sequence[float] = 0.0,
+        twist: float = 0.0,
+        **options: Any,
+    ) -> "Robot":
+        """A robot from a tube's dimensions and material, cut into discs.
+
+        Its stiffnesses and mass, and how springs carry them: `dtcasadi.tube`, `dtcasadi.beam`.
+
+        Args:
+            length: of the tube's axis [m].
+            radius: from the axis to the middle of the wall [m].
+            wall_thickness: thin against the radius [m].
+            youngs_modulus: of the wall [Pa].
+            poissons_ratio: above -1, at most 0.5.
+            density: of the wall [kg/m^3].
+            n_discs: the root included.
+            fabric: `strip`: an inextensible strip along the wall is the thread; `axis`: the thread
+                is on the axis, as with fabric all round that lets the tube bend but not stretch.
+            payload: point mass at the centre of the last disc [kg].
+            bend: rest angle between the ends of the axis, about x, or a pair about (x, y) [rad];
+                these axes turn with the twist.
+            twist: angle by which the strip winds round the tube from root to tip, at rest [rad];
+                a straight tube then traces a curve in space when inflated.
+            options: more fields of `dtcasadi.tube.Tube`:
+                chambers: number of equal chambers in series (1);
+                strip_turns: for each chamber but the first, by how much its strip is set further
+                    round the wall [rad];
+                rated_pressure: gauge pressure above which a simulation warns [Pa];
+                retardation_time: viscosity of the wall over its Young's modulus (Kelvin-Voigt) [s];
+                posts: axial springs round the wall, an even number (4);
+                up, gravity: as of a Robot.
+
+        Raises:
+            RobotError: naming the field, what was expected and what was given.
+        """
+        from .tube import Tube
+
+        sizes = (length, radius, wall_thickness, youngs_modulus, poissons_ratio, density)
+        return Tube(*sizes, fabric, payload, bend, twist, **options).robot(n_discs)
+
+    @classmethod
+    def from_rod(
+        cls,
+        length: float,
+        EI: float,
+        GA: float,
+        GJ: float,
+        mass_per_length: float,
+        n_discs: int,
+        *,
+        payload: float = 0.0,
+        bend: float | Sequence[float] = 0.0,
+        twist: float = 0.0,
+        **options: Any,
+    ) -> "Robot":
+        """A robot from the stiffnesses of an inextensible rod, the thread on its axis.
+
+        Args:
+            length: of the axis [m].
+            EI: bending stiffness about x and y [N m^2].
+            GA: shear stiffness, the shear coefficient included [N].
+            GJ: twisting stiffness [N m^2].
+            mass_per_length: [kg/m].
+            n_discs: the root included.
+            payload: as of `from_tube`, like bend and twist.
+            bend: rest angle between the ends of the axis, about x, or a pair about (x, y) [rad].
+            twist: rest angle between them about the axis [rad].
+            options: more fields of `dtcasadi.rod.Rod`:
+                retardation_time, up, gravity: as of `from_tube`;
+                cells: chambers beside the axis, `dtcasadi.rod.Cell` values;
+                radius: of the discs [m]; by default that of the thin tube with this GA and GJ.
+
+        Raises:
+            RobotError: naming the field, what was expected and what was given.
+        """
+        from .rod import Rod
+
+        return Rod(length, EI, GA, GJ, mass_per_length, payload, bend, twist, **options).robot(
+            n_discs
         )
 
     @property

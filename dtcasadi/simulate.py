@@ -15,6 +15,7 @@ from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
 from .integrators import METHODS, Problem, Trajectory
 from .model import Model
+from .ratings import warn_above_rating
 from .recentring import chart_limit, regular
 from .result import Run
 from .scene import Scene
@@ -65,6 +66,9 @@ def simulate(
 
     Raises:
         SimulationError: an argument cannot be used; the text says what was expected.
+
+    Warns:
+        PressureWarning: a chamber went beyond its rated pressure.
     """
     scene = subject if isinstance(subject, Scene) else None
     model = scene.build() if scene else subject
@@ -102,7 +106,9 @@ def simulate(
         force=force,
         events=checked(events),
     )
-    return _run(problem, name)
+    run = _run(problem, name)
+    warn_above_rating(model.robot, run.pressure)
+    return run
 
 
 def _run(problem: Problem, name: str) -> Run:
