@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 
+from .forces.inflation import PressureOnVolume
 from .forces.protocol import Force, packed
 from .forces.slopes import span_slopes, world_slopes
-from .forces.span import Seen, span_energy, span_jacobian, span_wrenches
+from .forces.span import Seen, span_energy, span_jacobian, span_volume, span_wrenches
 from .forces.traits import Traits, traits
 from .forces.world import world_energy, world_jacobian, world_wrench
 from .kernels import kinematics as kin
@@ -144,6 +145,17 @@ def stored(chain: Chain, forces: Sequence[Force], segments: list[Segment]) -> ca
         parts = (packed(force) for force in held)
         energy = energy + chain.asm.call(world_energy, R[disc - 1], r[disc - 1], *parts)
     return energy
+
+
+def enclosed(chain: Chain, parts: Sequence[PressureOnVolume], segments: list[Segment]) -> ca.SX:
+    """Volume of a chamber from its segments' parts [m^3]."""
+    volume = 0
+    for part in parts:
+        i = part.discs[0] - 1
+        volume = volume + chain.asm.call(
+            span_volume, chain.words[i : i + 1], (segments[i],), packed(part)
+        )
+    return volume
 
 
 def span_derivatives(

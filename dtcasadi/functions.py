@@ -5,8 +5,9 @@ import itertools
 import casadi as ca
 import numpy as np
 
-from .acting import stored
+from .acting import enclosed, stored
 from .derivatives import Derivatives
+from .forces.inflation import pressures_on_volume
 from .graphs import Graphs
 
 
@@ -55,6 +56,17 @@ def inflation(g: Graphs) -> ca.Function:
     forces = list(itertools.chain(*g.chamber_forces(g.pressure)))
     value = g.generalized(forces, g.chain.segments(g.q), g.still)
     return g.function("inflation", ("q", "pressure", "theta"), force=value)
+
+
+def volume(g: Graphs) -> ca.Function:
+    """Air between the discs of each chamber."""
+    segments = g.chain.segments(g.q)
+    values = []
+    for k, (chamber, numbers) in enumerate(g.chambers):
+        parts = pressures_on_volume(chamber.discs, numbers, g.pressure[k])
+        values.append(enclosed(g.chain, parts, segments))
+    value = ca.vertcat(*values) if values else g.chain.asm.expression(0, 1)
+    return g.function("volume", ("q", "pressure", "theta"), V=value)
 
 
 def forces(g: Graphs) -> ca.Function:

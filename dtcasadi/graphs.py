@@ -12,13 +12,13 @@ from .actuators import Actuator
 from .assemble import Flat, Graph
 from .chain import Chain, Motion, Wrench
 from .charts import Chart
-from .forces.inflation import INFLATION
+from .forces.inflation import INFLATION, ChamberNumbers
 from .forces.loads import DeadWrench
 from .forces.protocol import Force
 from .forces.traits import traits
 from .linear import UNROLLED
 from .numbers import Theta, numbers_of
-from .robot import Robot
+from .robot import Chamber, Robot
 
 OPTIONS = {"cse": True}
 
@@ -141,11 +141,15 @@ class Graphs(Ports):
     def chamber_forces(self, pressure: ca.SX) -> list[list[Force]]:
         """The forces of each chamber."""
         make = INFLATION[self.options.inflation]
-        chambers = zip(self.robot.chambers, self.chain.numbers.chambers, strict=True)
         return [
             make(chamber.discs, numbers, pressure[k])
-            for k, (chamber, numbers) in enumerate(chambers)
+            for k, (chamber, numbers) in enumerate(self.chambers)
         ]
+
+    @property
+    def chambers(self) -> list[tuple[Chamber, ChamberNumbers]]:
+        """The chambers with their numbers."""
+        return list(zip(self.robot.chambers, self.chain.numbers.chambers, strict=True))
 
     def forces(self, pressure: ca.SX | None) -> list[Force]:
         """All forces that give wrenches; without a pressure those of the chambers left out."""

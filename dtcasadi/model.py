@@ -36,6 +36,7 @@ _BUILDERS = {
         "spring",
         "damping",
         "inflation",
+        "volume",
         "forces",
         "forward_dynamics",
         "inverse_dynamics",
@@ -105,6 +106,7 @@ class Model:
     spring = _Graph("dV_spring/dq (q, theta), shape (n_q,) [N m], eq (5).")
     damping = _Graph("Damping (q, qd, theta) on the left side, shape (n_q,) [N m].")
     inflation = _Graph("Q (q, pressure, theta) of the chambers, shape (n_q,) [N m], III-C.")
+    volume = _Graph("V (q, pressure, theta) of each chamber's air, shape (n_u,) [m^3].")
     forces = _Graph(
         "Q (q, qd, theta) of the robot's forces and block `wrench`, shape (n_q,) [N m]."
     )

@@ -87,13 +87,22 @@ def span_energy(
     words: tuple[Words, ...], segments: tuple[Segment, ...], seen: Seen, *forces: Packed
 ) -> ca.SX:
     """Energy of the forces [J]."""
-    still = tuple(Turning(*(ca.SX.zeros(3),) * 4) for _ in segments)
-    states = span_states(words, segments, still)
+    states = _resting(words, segments)
     total = ca.SX(0)
     for force, places in zip(forces, seen, strict=True):
         energy = force.force().energy(*(states[k] for k in places))
         total = total + energy
     return total
+
+
+def span_volume(words: tuple[Words, ...], segments: tuple[Segment, ...], part: Packed) -> ca.SX:
+    """Volume of the air between two neighbouring discs [m^3]."""
+    return part.force().volume(*_resting(words, segments))  # type: ignore[attr-defined]
+
+
+def _resting(words: tuple[Words, ...], segments: tuple[Segment, ...]) -> list[DiscState]:
+    still = tuple(Turning(*(ca.SX.zeros(3),) * 4) for _ in segments)
+    return span_states(words, segments, still)
 
 
 def span_jacobian(
