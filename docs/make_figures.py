@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import inflation
+
 import dtcasadi as dtc
 from dtcasadi import plots
 
@@ -11,4 +13,5 @@ if __name__ == "__main__":
     run = dtc.simulate(dtc.load_scene("seed_four_disc"))
     FOLDER.mkdir(exist_ok=True)
     plots.filmstrip(run, FOLDER / "filmstrip.png")
+    inflation.draw(FOLDER / "inflation.png")
     print(f"drawn into {FOLDER}: {run.message}")

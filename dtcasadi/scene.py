@@ -4,8 +4,9 @@ Format, schema 1
 ----------------
 Numbers are in SI units; a suffix of the key names another unit (never both of `radius` and
 `radius_mm`): _mm _cm, _g, _deg, _ms, _mm2 _cm2, _g_mm2 _kg_mm2, _kpa _bar, _kpa_per_s _bar_per_s,
-_deg_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s. Keys marked * may be left out. `n` is the number of
-discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they belong to.
+_per_kpa _per_bar, _deg_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s. Keys marked * may be left out. `n`
+is the number of discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they
+belong to.
 
     schema = 1
     name *, title *             default: the file's name
@@ -35,13 +36,14 @@ discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they 
     [[robot.chambers]] *        one entry of the pressure for each
     discs = [first, last] | "all"
     areas *, centroids *        on each disc from first to last; default: the discs' own
+    radial_compliance *         relative growth of its section's lengths [1/Pa]
 
     [robot.damping] *           c_a *, c_b *, c_w *, c_r * [N m s/rad] of every segment, or
     [[robot.damping]]           n - 1 tables, count * as above
 
     [model] *                   options of `dtcasadi.build`
     chart * = "cardan"          or a list of n - 1
-    velocity_terms *, damping *, inflation *
+    velocity_terms *, damping *, inflation *        "last_disc" or "volume"
     actuator * = "direct" | "regulator", or a table [model.actuator] with kind = "regulator",
                                 time_constant *, minimum *, maximum * [Pa], rate_limit * [Pa/s]
 

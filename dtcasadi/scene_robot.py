@@ -13,6 +13,7 @@ from .scene_units import (
     ACCELERATION,
     ANGLE,
     AREA,
+    COMPLIANCE,
     INERTIA,
     LENGTH,
     MASS,
@@ -155,6 +156,9 @@ def _read_chambers(table: Table, n_discs: int | None) -> list[Chamber | None] | 
         fields = {
             "areas": part.array("areas", (None,), AREA, default=None),
             "centroids": part.array("centroids", (None, 3), LENGTH, default=None),
+            "radial_compliance": part.number(
+                "radial_compliance", COMPLIANCE, default=None, nonnegative=True
+            ),
         }
         part.close()
         chambers.append(part.make(Chamber, span, **given(fields)) if span else None)

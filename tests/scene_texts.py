@@ -87,6 +87,7 @@ discs = "all"
 discs = [2, 3]
 areas_cm2 = [10, 11]
 centroids_mm = [[0, 10, 0], [0, 12, 0]]
+radial_compliance_per_kpa = 0.002
 
 [[robot.damping]]
 count = 2

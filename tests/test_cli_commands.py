@@ -149,6 +149,24 @@ def test_bench_dynamics(tmp_path, monkeypatch, capsys):
     assert all(row["operations"] > 100 and row["n_q"] == 5 * (row["n_discs"] - 1) for row in rows)
 
 
+def test_bench_inflation(tmp_path, monkeypatch, capsys):
+    from dtcasadi.bench import dynamics, inflation
+
+    monkeypatch.setattr(dynamics, "_TIMING_S", 1e-4)
+    monkeypatch.setattr(inflation, "ROUNDS", 1)
+    monkeypatch.setenv("DTCASADI_CC", "none")  # the same report, nothing to wait for
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        words = ["bench", "inflation", "--sizes", "3", "--json", str(tmp_path / "b.json")]
+        assert cli.main(words) == 0
+    record = read(tmp_path / "b.json")
+    assert_json_holds(capsys.readouterr().out, record)
+    rows = record["inflation"]["timings"]
+    assert [(row["chart"], row["n_discs"]) for row in rows] == [("planar", 3), ("cardan", 3)]
+    # The limit set for time; operations are what no other load of the machine disturbs.
+    assert all(1.0 < row["operations_ratio"] < 1.5 for row in rows)
+
+
 def test_operations_count_called_functions_at_every_call():
     import casadi as ca
 

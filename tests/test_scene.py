@@ -99,6 +99,7 @@ def test_every_key_arrives_in_si_units():
     whole, part = robot.chambers
     assert whole.discs == (1, 4) and part.discs == (2, 3)
     assert part.areas.tolist() == [1e-3, 1.1e-3]
+    assert (whole.radial_compliance, part.radial_compliance) == (0.0, 2e-6)
     assert part.centroids.tolist() == [[0, 0.01, 0], [0, 0.012, 0]]
     assert scene.options == {
         "chart": ("cardan", "paper", "cardan"),

@@ -1,4 +1,4 @@
-"""Inflation `volume`: V by an independent mesh, its wrench, what it conserves and what it is not."""
+"""Inflation `volume`: V by an independent mesh, its wrench, what it conserves."""
 
 from dataclasses import replace
 
@@ -223,6 +223,18 @@ def test_energy_of_robot_and_air_is_conserved():
     assert np.ptp(12.0 * V) > 1
     assert np.ptp(total) < 1e-8 * np.ptp(run.energy["kinetic"])  # rtol over some 100 steps
     assert np.max(np.abs(run.energy["residual"])) < 1e-8 * np.ptp(run.energy["kinetic"])
+
+
+def test_free_areas_of_zero_have_finite_slopes():
+    seed = seed_robot(3)
+    model = dtc.build(
+        replace(seed, chambers=(dtc.Chamber((1, 3), np.zeros(3)),)),
+        inflation="volume",
+        parameters=["chambers.areas"],
+    )
+    theta = ca.SX.sym("theta", len(model.theta0))
+    slope = ca.jacobian(model.volume(0.1 * np.ones(model.n_q), 1.0, theta), theta)
+    assert np.all(np.isfinite(numbers(ca.Function("slope", [theta], [slope]), model.theta0)))
 
 
 def test_other_numbers_of_a_chamber_by_theta(rng):

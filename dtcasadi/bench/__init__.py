@@ -4,7 +4,8 @@ Each module has `add_arguments(parser)` and `run(options, report)`, like a comma
 """
 
 BENCHES = {
-    "dynamics": "time per call and operations of the state equation over the number of discs"
+    "dynamics": "time per call and operations of the state equation over the number of discs",
+    "inflation": "time per call with inflation by volume against the last disc's",
 }
 
 __all__ = ["BENCHES"]

@@ -40,7 +40,7 @@ _TITLES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the benchmark."""
     parser.add_argument(
-        "--sizes", type=_size, nargs="+", default=list(SIZES), metavar="N", help="numbers of discs"
+        "--sizes", type=size, nargs="+", default=list(SIZES), metavar="N", help="numbers of discs"
     )
     parser.add_argument(
         "--flat-up-to", type=int, default=FLAT_UP_TO, metavar="N", help="time flat graphs up to N"
@@ -190,7 +190,8 @@ def _timings(function: "ca.Function", columns: list[np.ndarray]) -> list[float]:
     return times
 
 
-def _size(text: str) -> int:
+def size(text: str) -> int:
+    """A number of discs from the command line."""
     number = int(text)
     if not 2 <= number <= 256:
         raise argparse.ArgumentTypeError(f"expected a number of discs from 2 to 256, got {text}")

@@ -9,6 +9,9 @@ import casadi as ca
 from ..kernels.axes import cross, vector
 from .protocol import DiscState, Force, Wrench, column
 
+# Added under the root of a product of free areas [m^4], so that its slope is finite at zero.
+FLOOR = 1e-36
+
 
 class ChamberNumbers(NamedTuple):
     """A chamber's pressed areas (n, 1) and their centroids (3, n) by disc, radial compliance."""
@@ -83,7 +86,10 @@ class PressureOnVolume(Force):
         """Arm of the next centroid, D, the areas and their geometric mean, and 6 dV/dD."""
         scale = _scale(self.radial_compliance, self.pressure)
         A, outer = self.area * scale**2, self.area_next * scale**2
-        mixed = ca.sqrt(self.area * self.area_next) * scale**2
+        product = ca.SX(self.area * self.area_next)
+        if not product.is_constant():
+            product = product + FLOOR
+        mixed = ca.sqrt(product) * scale**2
         arm = ca.mtimes(disc.R, column(self.centroid_next) * scale)
         D = disc.r + arm - column(self.centroid) * scale
         x, y, z = ca.horzsplit(disc.R)
