@@ -23,7 +23,7 @@ def robot(n: int, compliance: float = 0.0) -> Robot:
     """Several chambers over one, two and all segments, their sections different on every disc."""
     plain = cases.robot(n)
     chambers = [replace(c, radial_compliance=compliance * k) for k, c in enumerate(plain.chambers)]
-    return replace(plain, chambers=chambers)
+    return replace(plain, chambers=tuple(chambers))
 
 
 @pytest.mark.parametrize("assembly", ["flat", "graph"])
@@ -63,8 +63,8 @@ def test_force_is_pressure_times_slope_of_the_mesh(rng, assembly):
     h = 1e-5
 
     def enclosed(at: np.ndarray) -> np.ndarray:
-        poses = numbers(model.poses, at, model.theta0)
-        return volumes(model.robot, *poses, outline, pressure)
+        R, r = numbers(model.poses, at, model.theta0)
+        return volumes(model.robot, R, r, outline, pressure)
 
     columns = [(enclosed(q + h * e) - enclosed(q - h * e)) / (2 * h) for e in np.eye(len(q))]
     Q = numbers(model.inflation, q, pressure, model.theta0)
@@ -80,11 +80,10 @@ def cycle(rng, n_q: int, samples: int = 256) -> tuple[np.ndarray, np.ndarray]:
     s = 2 * np.pi * np.arange(samples) / samples
     a, b = 0.15 * rng.normal(size=(2, 3, n_q))
     waves = [(k + 1) * s for k in range(3)]
-    q = sum(np.outer(np.cos(w), a[k]) + np.outer(np.sin(w), b[k]) for k, w in enumerate(waves))
-    slope = sum(
-        (k + 1) * (np.outer(np.cos(w), b[k]) - np.outer(np.sin(w), a[k]))
-        for k, w in enumerate(waves)
-    )
+    q, slope = np.zeros((2, samples, n_q))
+    for k, w in enumerate(waves):
+        q += np.outer(np.cos(w), a[k]) + np.outer(np.sin(w), b[k])
+        slope += (k + 1) * (np.outer(np.cos(w), b[k]) - np.outer(np.sin(w), a[k]))
     return q, slope * 2 * np.pi / samples
 
 
