@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from harness import BenchmarkError, Case, c_compiler, run
 
-from dtcasadi.compile import DEFAULT_FLAGS
+from dtcasadi.compile import DEFAULT_FLAGS, GENERATOR
 
 HERE = Path(__file__).parent
 BASE = "-O3"
@@ -47,7 +47,7 @@ def build_ours(function: ca.Function, flags: str, folder: Path) -> Built:
         raise BenchmarkError(f"flags of the product that the benchmark lacks: {unknown}")
     name = function.name()
     stem = f"{name}_{flags.replace(' ', '').replace('=', '')}"
-    generator = ca.CodeGenerator(f"{name}_generated.c", {"with_header": False})
+    generator = ca.CodeGenerator(f"{name}_generated.c", GENERATOR)
     generator.add(function)
     source = folder / f"{stem}.c"
     source.write_text(generator.dump(), encoding="utf-8")

@@ -26,6 +26,7 @@ from .errors import CompileError, ModelError
 __all__ = [
     "DEFAULT_FLAGS",
     "DEFAULT_TIMEOUT_S",
+    "GENERATOR",
     "Bound",
     "CacheFolder",
     "CacheWarning",
@@ -41,6 +42,8 @@ __all__ = [
     "twin",
 ]
 
+# Of CasADi's code generator: text only, and no comment at each call, a quarter of a long chain's C.
+GENERATOR = {"with_header": False, "verbose": False}
 _PREFIX = "dtc_"
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _MAX_NAME = 60
@@ -170,7 +173,7 @@ def external_with_jacobian(function: ca.Function, blocks: ca.Function) -> ca.Fun
     symbols = [ca.MX.sym(port, function.size1_in(port)) for port in ports]
     unused = ca.MX.sym("out", *function.size_out(0))
     values = [*blocks.call(symbols)[1:], ca.MX(function.size1_out(0), symbols[-1].shape[0])]
-    generator = ca.CodeGenerator("dtcasadi", {"with_header": False})
+    generator = ca.CodeGenerator("dtcasadi", GENERATOR)
     generator.add(densified(function, name))
     generator.add(ca.Function(f"jac_{name}", [*symbols, unused], values))
     try:
@@ -204,7 +207,7 @@ def c_source(functions: Sequence[ca.Function]) -> str:
             raise ModelError(f"function name: expected {expected}, got {name!r}")
         if names.count(name) > 1:
             raise ModelError(f"function name: expected different names, got {name!r} twice")
-    generator = ca.CodeGenerator("dtcasadi", {"with_header": False})
+    generator = ca.CodeGenerator("dtcasadi", GENERATOR)
     for function in functions:
         # The prefix keeps a Function called `sin` or `read` from replacing the C library's.
         generator.add(densified(function, _PREFIX + function.name()))

@@ -328,3 +328,16 @@ def test_single_precision_states_its_error(tmp_path, monkeypatch):
     dtc.export_c(scene, tmp_path / "d", functions=("ode",), single=True)
     assert "not measured: no C compiler" in (tmp_path / "d" / "README.md").read_text()
     assert os.path.exists(tmp_path / "d" / "small_core.c")
+
+
+@needs_compiler
+def test_the_snippet_in_the_readme(tmp_path):
+    scene = dtc.load_scene("seed_four_disc")
+    dtc.export_c(scene, tmp_path, name="robot", functions=("step",), method="heun", step_s=1e-3)
+    page = (Path(__file__).parent.parent / "README.md").read_text()
+    snippet = re.search(r"^```c\n(.+?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert snippet
+    include, body = snippet[1].split("\n\n", 1)
+    program = f"#include <stdio.h>\n{include}\nint main(void) {{\n{body}return (int)status;\n}}\n"
+    (tmp_path / "main.c").write_text(program)
+    subprocess.run(["make", "-s", "run"], cwd=tmp_path, check=True)

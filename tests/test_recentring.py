@@ -307,3 +307,28 @@ def test_faults_are_named(rng):
     with pytest.raises(dtc.errors.ModelError, match="x: expected finite numbers to re-centre"):
         m.recentre(x, m.theta0)
     assert rc.off_centre(m, np.full(m.n_x, np.inf)) == ()
+
+
+@pytest.mark.parametrize("off", range(8))
+def test_the_graph_for_c_is_recentre(rng, off):
+    """Any of the segments off centre, the others not."""
+    m = model()
+    x, theta = state(rng), m.theta0.copy()
+    theta[: len(m.centres) * 18] = np.concatenate(
+        [frames_of(rotation(rng), rotation(rng)) for _ in m.centres]
+    )
+    for place in m.centres:
+        if not off >> place.segment & 1:
+            x[place.q] = rng.uniform(-0.7, 0.7, 5)
+    expected = m.recentre(x, theta)
+    x_next, theta_next, count, D, cross = (v.full() for v in rc.recentre_function(m)(x, theta))
+    np.testing.assert_allclose(x_next[:, 0], expected[0], atol=1e-14)
+    np.testing.assert_allclose(theta_next[:, 0], expected[1], atol=1e-14)
+    assert count[0, 0] == off.bit_count()
+    T = np.eye(m.n_x)
+    for k, place in enumerate(m.centres):
+        q, block = place.q, slice(5 * k, 5 * k + 5)
+        qd = slice(q.start + m.n_q, q.stop + m.n_q)
+        T[q, q] = T[qd, qd] = D[:, block]
+        T[qd, q] = cross[:, block]
+    np.testing.assert_allclose(T, expected[2], atol=1e-13)

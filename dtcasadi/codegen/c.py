@@ -11,6 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from ..bound import densified
+from ..compile import GENERATOR
 from ..compiler import DEFAULT_FLAGS
 from ..errors import ModelError
 from . import build, header, precision, project
@@ -76,7 +77,7 @@ def core_body(export: Export, settings: Settings) -> str:
     around it, unless `<NAME>_CXX_LINKAGE` is defined: compiled as C++ with `casadi_real` defined as
     another type, it serves SIMD lanes as well.
     """
-    options: dict[str, object] = {"with_header": False}
+    options: dict[str, object] = dict(GENERATOR)
     if settings.single:
         # 32-bit integers too: casadi.external cannot load single precision anyway.
         options |= {"casadi_real": "float", "casadi_int": "int"}
