@@ -1,6 +1,7 @@
 """Discs and threads: inflatable soft robots as recursive CasADi graphs."""
 
 from .actuators import Direct, Regulator
+from .batch import Batch, batch
 from .charts import convert
 from .codegen import export_c
 from .discrete import DiscreteModel
@@ -17,6 +18,7 @@ from .simulate import simulate
 from .statics import Branch, Equilibrium, branch, equilibrium
 
 __all__ = [
+    "Batch",
     "Branch",
     "Cell",
     "Chamber",
@@ -40,6 +42,7 @@ __all__ = [
     "Scene",
     "Spring",
     "Thread",
+    "batch",
     "branch",
     "build",
     "convert",

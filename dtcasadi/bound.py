@@ -11,6 +11,10 @@ import numpy as np
 from .checks import shown
 from .errors import ModelError
 
+# Ports of a model's Functions that stay matrices even with one column.
+MATRICES = frozenset(
+    "M R r J dtau_dq dtau_dqd F_x F_u F_theta dqdd_dq dqdd_dqd dqdd_dpressure dqdd_dtau".split()
+)
 _FLOAT = np.dtype(np.float64)
 
 
@@ -92,9 +96,11 @@ class Bound:
             self._buffer.set_res(i, flat.data)
         # casadi keeps bare addresses: whoever holds `run` must hold what they point to.
         self.run.keeps = (self._buffer, flat_in, flat_out)
-        self.inputs = _ports("Inputs", names_in, _views(names_in, flat_in, shapes_in, matrices))
+        self.inputs = named_ports(
+            "Inputs", names_in, _views(names_in, flat_in, shapes_in, matrices)
+        )
         views = _views(names_out, flat_out, shapes_out, matrices)
-        self.outputs = _ports("Outputs", names_out, views)
+        self.outputs = named_ports("Outputs", names_out, views)
         self._result = type(self.outputs)._make
 
     def __call__(self, *arrays: Any) -> Any:
@@ -167,8 +173,9 @@ def _port_type(title: str, names: tuple[str, ...]) -> Any:
     return namedtuple(title, names, rename=True)
 
 
-def _ports(title: str, names: Sequence[str], views: Sequence[np.ndarray]) -> Any:
+def named_ports(title: str, names: Sequence[str], views: Sequence[np.ndarray]) -> Any:
+    """Arrays as a named tuple of the ports' names."""
     return _port_type(title, tuple(names))(*views)
 
 
-__all__ = ["Bound", "densified"]
+__all__ = ["MATRICES", "Bound", "densified", "named_ports"]

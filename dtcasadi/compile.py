@@ -12,9 +12,12 @@ import casadi as ca
 from .bound import Bound, densified
 from .cache import CacheFolder, CacheWarning, cache_folder, cached_library
 from .compiler import (
+    CXX,
     DEFAULT_FLAGS,
     DEFAULT_TIMEOUT_S,
+    C,
     Compiler,
+    Language,
     Target,
     build_library,
     find_compiler,
@@ -24,9 +27,11 @@ from .compiler import (
 from .errors import CompileError, ModelError
 
 __all__ = [
+    "CXX_FLAGS",
     "DEFAULT_FLAGS",
     "DEFAULT_TIMEOUT_S",
     "GENERATOR",
+    "PREFIX",
     "Bound",
     "CacheFolder",
     "CacheWarning",
@@ -38,13 +43,15 @@ __all__ = [
     "compile_functions",
     "external_with_jacobian",
     "find_compiler",
+    "library_of",
     "load_library",
     "twin",
 ]
 
 # Of CasADi's code generator: text only, and no comment at each call, a quarter of a long chain's C.
 GENERATOR = {"with_header": False, "verbose": False}
-_PREFIX = "dtc_"
+CXX_FLAGS = ("-std=c++17", *(flag for flag in DEFAULT_FLAGS if not flag.startswith("-std")))
+PREFIX = "dtc_"
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _MAX_NAME = 60
 _said: list[str] = []
@@ -127,10 +134,10 @@ def compile_functions(
     """
     if not functions:
         return {}
-    library = _library(c_source(functions), flags, timeout_s)
+    library = library_of(c_source(functions), flags=flags, timeout_s=timeout_s)
     try:
         importer = ca.Importer(str(library), "dll")
-        return {f.name(): ca.external(_PREFIX + f.name(), importer) for f in functions}
+        return {f.name(): ca.external(PREFIX + f.name(), importer) for f in functions}
     except RuntimeError as error:
         hint = "DTCASADI_CACHE may name a folder that allows execution"
         raise CompileError(f"{library}: does not load ({hint}):\n{error}") from error
@@ -150,10 +157,10 @@ def load_library(
         The library, or None where no working compiler is found (said once per process).
     """
     lines = [f"#define {name} {value}" for name, value in constants.items()]
-    lines += [f"#define {macro} {_PREFIX}{f.name()}" for macro, f in functions.items()]
+    lines += [f"#define {macro} {PREFIX}{f.name()}" for macro, f in functions.items()]
     text = "\n".join([c_source(list(functions.values())), *lines, source])
     try:
-        return ctypes.CDLL(str(_library(text, DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
+        return ctypes.CDLL(str(library_of(text)))
     except (CompileError, OSError) as error:
         _say_no_compiler(str(error))
         return None
@@ -169,7 +176,7 @@ def external_with_jacobian(function: ca.Function, blocks: ca.Function) -> ca.Fun
     Returns:
         The external Function, its derivative for theta zero; None without a working compiler.
     """
-    name, ports = _PREFIX + function.name(), function.name_in()
+    name, ports = PREFIX + function.name(), function.name_in()
     symbols = [ca.MX.sym(port, function.size1_in(port)) for port in ports]
     unused = ca.MX.sym("out", *function.size_out(0))
     values = [*blocks.call(symbols)[1:], ca.MX(function.size1_out(0), symbols[-1].shape[0])]
@@ -177,15 +184,33 @@ def external_with_jacobian(function: ca.Function, blocks: ca.Function) -> ca.Fun
     generator.add(densified(function, name))
     generator.add(ca.Function(f"jac_{name}", [*symbols, unused], values))
     try:
-        return ca.external(name, str(_library(generator.dump(), DEFAULT_FLAGS, DEFAULT_TIMEOUT_S)))
+        return ca.external(name, str(library_of(generator.dump())))
     except (CompileError, RuntimeError) as error:
         _say_no_compiler(str(error))
         return None
 
 
-def _library(source: str, flags: Sequence[str], timeout_s: float) -> Path:
-    """The cached library of a C text."""
-    compiler = require_compiler()
+def library_of(
+    source: str,
+    language: Language = C,
+    *,
+    flags: Sequence[str] | None = None,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+) -> Path:
+    """The shared library of a text, compiled once and cached.
+
+    Args:
+        source: C99 or C++17.
+        language: `compiler.C` or `compiler.CXX`.
+        flags: compiler flags; by default `DEFAULT_FLAGS` or `CXX_FLAGS`.
+        timeout_s: the compiler is stopped after this long [s].
+
+    Raises:
+        CompileError: there is no compiler, or it fails.
+    """
+    compiler = require_compiler(language)
+    if flags is None:
+        flags = CXX_FLAGS if language is CXX else DEFAULT_FLAGS
     target = target_of(compiler, tuple(flags))
 
     def build(path: Path) -> None:
@@ -210,7 +235,7 @@ def c_source(functions: Sequence[ca.Function]) -> str:
     generator = ca.CodeGenerator("dtcasadi", GENERATOR)
     for function in functions:
         # The prefix keeps a Function called `sin` or `read` from replacing the C library's.
-        generator.add(densified(function, _PREFIX + function.name()))
+        generator.add(densified(function, PREFIX + function.name()))
     return generator.dump()
 
 

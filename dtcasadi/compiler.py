@@ -1,4 +1,4 @@
-"""The C compiler: finding it, asking what it can do, running it.
+"""The compiler of C or C++: finding it, asking what it can do, running it.
 
 A compiler is any command that understands GCC's options (gcc, clang, and their wrappers).
 """
@@ -16,6 +16,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from .errors import CompileError
 
@@ -39,19 +40,39 @@ _SHOWN_ERROR_LINES = 3
 _PROBE_TIMEOUT_S = 30.0
 
 
+class Language(NamedTuple):
+    """What a compiler translates, and how one is found.
+
+    title: for messages; code: as the option -x takes it; suffix: of files; variables: environment
+    variables that name a compiler, the package's own first; programs: looked for on PATH.
+    """
+
+    title: str
+    code: str
+    suffix: str
+    variables: tuple[str, str]
+    programs: tuple[str, ...]
+
+
+C = Language("C", "c", ".c", ("DTCASADI_CC", "CC"), ("gcc", "clang", "cc"))
+CXX = Language("C++", "c++", ".cpp", ("DTCASADI_CXX", "CXX"), ("g++", "clang++", "c++"))
+
+
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler that answered when asked for its version.
+    """A compiler that answered when asked for its version.
 
     Attributes:
         path: absolute path of the executable.
         version: first line of its `--version`.
         arguments: what follows the executable in every call, e.g. ("gcc",) behind ccache.
+        language: what it compiles.
     """
 
     path: str
     version: str
     arguments: tuple[str, ...] = ()
+    language: Language = C
 
     @property
     def command(self) -> tuple[str, ...]:
@@ -72,32 +93,43 @@ class Target:
     features: str
 
 
-def find_compiler() -> Compiler | None:
+def find_compiler(language: Language = C) -> Compiler | None:
     """The compiler named by `DTCASADI_CC`, else by `CC`, else the first of gcc, clang and cc.
 
-    `DTCASADI_CC=none` switches compilation off.
+    For C++: `DTCASADI_CXX`, `CXX`, then g++, clang++ and c++. `DTCASADI_CC=none` switches all
+    compilation off, `DTCASADI_CXX=none` that of C++.
 
     Returns:
         The compiler, or None when there is none or it is switched off.
 
     Raises:
-        CompileError: `DTCASADI_CC` names something that does not answer like a compiler.
+        CompileError: the package's own variable names something that does not answer like a
+            compiler.
     """
     search_path = os.environ.get("PATH", os.defpath)
-    choice = os.environ.get("DTCASADI_CC", "").strip()
-    if choice.lower() == "none":
+    if _switched_off(language):
         return None
+    own, usual = language.variables
+    choice = os.environ.get(own, "").strip()
     if choice:
-        compiler = _identify(choice, search_path)
+        compiler = _identify(choice, search_path, language)
         if compiler is None:
-            expected = "a C compiler on PATH that answers --version, or none"
-            raise CompileError(f"DTCASADI_CC: expected {expected}, got {choice!r}")
+            expected = f"a {language.title} compiler on PATH that answers --version, or none"
+            raise CompileError(f"{own}: expected {expected}, got {choice!r}")
         return compiler
-    for name in (os.environ.get("CC", ""), "gcc", "clang", "cc"):
-        compiler = _identify(name, search_path)
+    for name in (os.environ.get(usual, ""), *language.programs):
+        compiler = _identify(name, search_path, language)
         if compiler is not None:
             return compiler
     return None
+
+
+def _switched_off(language: Language) -> str:
+    """The variable that switches compilation off, or ""."""
+    for own in dict.fromkeys((C.variables[0], language.variables[0])):
+        if os.environ.get(own, "").strip().lower() == "none":
+            return own
+    return ""
 
 
 def compiler_named(words: str) -> Compiler | None:
@@ -105,32 +137,36 @@ def compiler_named(words: str) -> Compiler | None:
 
     The answer is remembered for each PATH.
     """
-    return _identify(words, os.environ.get("PATH", os.defpath))
+    return _identify(words, os.environ.get("PATH", os.defpath), C)
 
 
-def require_compiler() -> Compiler:
+def require_compiler(language: Language = C) -> Compiler:
     """The compiler of `find_compiler`.
 
     Raises:
         CompileError: there is none, or it is switched off; the text says which.
     """
-    compiler = find_compiler()
+    compiler = find_compiler(language)
     if compiler is not None:
         return compiler
-    if os.environ.get("DTCASADI_CC", "").strip():
-        raise CompileError("compilation is switched off by DTCASADI_CC=none")
-    raise CompileError("no C compiler found: install gcc or clang, or name one in DTCASADI_CC")
+    off = _switched_off(language)
+    if off:
+        raise CompileError(f"compilation is switched off by {off}=none")
+    programs, own = " or ".join(language.programs[:2]), language.variables[0]
+    raise CompileError(
+        f"no {language.title} compiler found: install {programs}, or name one in {own}"
+    )
 
 
 def build_library(
     compiler: Compiler, target: Target, source: str, library: Path, timeout_s: float
 ) -> None:
-    """Compile C text into a shared library; scratch files go beside it.
+    """Compile a text into a shared library; scratch files go beside it.
 
     Args:
         compiler: the compiler to run.
         target: its flags, from `target_of`.
-        source: C99 text.
+        source: C99, or C++17 for a compiler of C++.
         library: the file to write; its folder is used as scratch space.
         timeout_s: the compiler is stopped after this long [s].
 
@@ -138,7 +174,7 @@ def build_library(
         CompileError: the compiler reports an error, is stopped or cannot be run.
         OSError: the folder is full or not writable.
     """
-    source_file = library.with_suffix(".c")
+    source_file = library.with_suffix(compiler.language.suffix)
     source_file.write_text(source, encoding="utf-8")
     build_files(compiler, target.flags, [source_file.name], library, timeout_s)
 
@@ -150,7 +186,7 @@ def build_files(
     output: Path,
     timeout_s: float,
 ) -> None:
-    """Compile and link C files; scratch files go beside the output, from where the paths count.
+    """Compile and link files; scratch files go beside the output, from where the paths count.
 
     Raises:
         CompileError: the compiler reports an error, is stopped or cannot be run.
@@ -161,7 +197,7 @@ def build_files(
     if "No space left on device" in text:
         raise OSError(errno.ENOSPC, "No space left on device", str(output.parent))
     if code != 0 or not output.is_file():
-        raise CompileError(failure_text(command, code, text))
+        raise CompileError(failure_text(command, code, text, compiler.language))
 
 
 @functools.cache
@@ -171,18 +207,18 @@ def target_of(compiler: Compiler, flags: tuple[str, ...]) -> Target:
     Raises:
         CompileError: it refuses the flags, or has no C library headers.
     """
-    command = [*compiler.command, *flags, "-E", "-dM", "-x", "c", "-"]
+    command = [*compiler.command, *flags, "-E", "-dM", "-x", compiler.language.code, "-"]
     # math.h brings in the C library's version and shows that its headers are there.
     code, text = run_command(command, _PROBE_TIMEOUT_S, stdin="#include <math.h>\n")
     if code == 0:
         return Target(flags, hashlib.sha256(text.encode()).hexdigest())
     if _NATIVE in flags:
         return target_of(compiler, tuple(flag for flag in flags if flag != _NATIVE))
-    raise CompileError(failure_text(command, code, text))
+    raise CompileError(failure_text(command, code, text, compiler.language))
 
 
 @functools.cache
-def _identify(words: str, search_path: str) -> Compiler | None:
+def _identify(words: str, search_path: str, language: Language) -> Compiler | None:
     """The compiler behind a command line as found in `CC`; None where it does not answer."""
     try:
         name, *arguments = shlex.split(words)
@@ -197,7 +233,8 @@ def _identify(words: str, search_path: str) -> Compiler | None:
         return None
     if code != 0 or not text.strip():
         return None
-    return Compiler(os.path.abspath(path), text.strip().splitlines()[0].strip(), tuple(arguments))
+    version = text.strip().splitlines()[0].strip()
+    return Compiler(os.path.abspath(path), version, tuple(arguments), language)
 
 
 def run_command(
@@ -246,9 +283,12 @@ def _stop(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def failure_text(command: list[str], code: int, text: str) -> str:
+def failure_text(command: list[str], code: int, text: str, language: Language = C) -> str:
     """The message of a failed call: first error lines, then the command."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     errors = [line for line in lines if _TELLING.search(line)] or lines or ["no output"]
     shown = "\n".join(errors[:_SHOWN_ERROR_LINES])
-    return f"C compiler failed with exit code {code}:\n{shown}\ncommand: {shlex.join(command)}"
+    title = language.title
+    return (
+        f"{title} compiler failed with exit code {code}:\n{shown}\ncommand: {shlex.join(command)}"
+    )

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from . import checks
-from .bound import Bound
+from .bound import MATRICES, Bound
 from .compile import twin
 from .errors import ModelError
 from .integrators.package import SLACK_MAX
@@ -64,17 +64,28 @@ class DiscreteModel:
         """
         if name == "ode":
             return self._model.compiled(name)
+        plain, source = self.plain(name), self.native(name)
+        key = ("discrete", name, self.method, self.step_s, source)
+        function = self._model.once(key, lambda: twin(plain, source=source))
+        return Bound(function, matrices=MATRICES.intersection(function.name_out()))
+
+    def plain(self, name: str) -> ca.Function:
+        """`step`, `checked`, `linearize` or `ode`, without a derivative of its own.
+
+        Raises:
+            ModelError: another name.
+        """
+        if name == "ode":
+            return self._model.plain(name)
         if name not in self._sources:
             expected = ", ".join([*self._sources, "ode"])
-            raise ModelError(f"compiled: expected one of {expected}, got {name!r}")
-        source = self._sources[name]
-        key = ("discrete", name, self.method, self.step_s, source)
-        function = self._model.once(key, lambda: twin(getattr(self, name), source=source))
-        return Bound(function, matrices=("F_x", "F_u", "F_theta")[: 3 * (name == "linearize")])
+            raise ModelError(f"function: expected one of {expected}, got {name!r}")
+        return getattr(self, name)
 
     def native(self, name: str) -> ca.Function:
-        """`step` or `linearize` with hand-written C kernels inside, for code generation only."""
-        return self._sources[name]
+        """The same with hand-written C kernels inside, for code generation only."""
+        plain = self.plain(name)
+        return self._sources.get(name, plain)
 
     def recentre(
         self, x: np.ndarray, theta: np.ndarray

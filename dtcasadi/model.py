@@ -9,7 +9,7 @@ import numpy as np
 
 from . import functions, jacobians, recentring
 from .actuators import Actuator, actuator_of
-from .bound import Bound
+from .bound import MATRICES, Bound
 from .charts import Chart, charts_of
 from .checks import shown
 from .compile import twin
@@ -57,10 +57,6 @@ _BUILDERS = {
 }
 # Names of a model's Functions.
 FUNCTIONS = tuple(_BUILDERS)
-# Ports that stay matrices even with one column.
-_MATRICES = frozenset(
-    "M R r J dtau_dq dtau_dqd F_x F_u dqdd_dq dqdd_dqd dqdd_dpressure dqdd_dtau".split()
-)
 
 
 class _Graph:
@@ -201,7 +197,7 @@ class Model:
             ModelError: unknown name.
         """
         if name not in self._functions:
-            function = self._plain(name)
+            function = self.plain(name)
             if name in ("forward_dynamics", "ode"):
                 blocks = self.function(f"{name}_jacobian")
                 function = jacobians.with_jacobian(function, blocks, self._graphs)
@@ -218,10 +214,10 @@ class Model:
             ModelError: unknown name.
         """
         if name not in self._compiled:
-            function = self._plain(name)
+            function = self.plain(name)
             self._compiled[name] = twin(function, source=self.native(name))
         function = self._compiled[name]
-        ports = _MATRICES.intersection(function.name_out())
+        ports = MATRICES.intersection(function.name_out())
         return Bound(function, matrices=ports, name=name)
 
     def discrete(
@@ -242,8 +238,12 @@ class Model:
 
         return discretize(self, step_s, method, exact=exact)
 
-    def _plain(self, name: str) -> ca.Function:
-        """The Function without a derivative of its own."""
+    def plain(self, name: str) -> ca.Function:
+        """The Function without a derivative of its own.
+
+        Raises:
+            ModelError: unknown name.
+        """
         if name not in _BUILDERS:
             raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
         return self.once(("plain", name), lambda: _BUILDERS[name](self._graphs))

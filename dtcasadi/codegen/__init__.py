@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # Name of each format -> the module that writes it.
 FORMATS = {"c": "c"}
 # Field of Settings -> the module whose files are added to those of format c.
-BESIDE: dict[str, str] = {}
+BESIDE = {"simd": "simd"}
 
 
 def export_c(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from . import simd
 from .build import CORTEX, CORTEX_FLAGS
 from .description import Export, Exposed, Motion, Settings
 from .precision import ANGLE, N_STATES, RATE, Error
@@ -25,12 +26,15 @@ def texts(
 ) -> dict[str, str]:
     """The files around the functions, by name."""
     simulates = export.motion is not None and all(map(export.get, ("step", "poses")))
+    added = simd.beside(settings, fields)
     example = _simulation(export, settings, fields) if simulates else _call(export, fields)
     return {
         "main.c": example,
-        "CMakeLists.txt": filled("CMakeLists.txt", **fields, beside=""),
-        "Makefile": filled("Makefile", **fields, beside="", all=""),
-        "README.md": _readme(export, settings, sizes, fields, simulates),
+        "CMakeLists.txt": filled("CMakeLists.txt", **fields, beside=added["CMakeLists.txt"]),
+        "Makefile": filled("Makefile", **fields, beside=added["Makefile"]),
+        "README.md": _readme(
+            export, settings, sizes, {**fields, "beside": added["README.md"]}, simulates
+        ),
     }
 
 
@@ -134,7 +138,6 @@ def _readme(
         example="simulates the robot and prints its tip" if simulates else "one call",
         functions="\n".join(_row(each, sizes[each.name], settings) for each in export.functions),
         blocks="\n".join(["", *blocks, ""]) if export.theta_blocks else "",
-        beside="",
     )
 
 

@@ -2,6 +2,12 @@
 casadi_real Y[N * M];
 casadi_int i, j, k;
 for (j = 0; j < M; ++j) for (i = 0; i < N; ++i) Y[i * M + j] = B[j * N + i];
+#ifdef DTC_LANES
+for (k = 0; k < N; ++k)
+  for (i = k + 1; i < N && dtc_any(P[k] != k); ++i)
+    if (dtc_any(P[k] == i))
+      for (j = 0; j < M; ++j) dtc_swap(P[k] == i, &Y[k * M + j], &Y[i * M + j]);
+#else
 for (k = 0; k < N; ++k) {
   casadi_int other = (casadi_int) P[k];
   if (other != k) {
@@ -12,6 +18,7 @@ for (k = 0; k < N; ++k) {
     }
   }
 }
+#endif
 for (i = 1; i < N; ++i) {
   for (k = 0; k < i; ++k) {
     casadi_real l = LU[i * N + k];

@@ -1,0 +1,255 @@
+"""Many robots in one call: the same equations for a column of states and parameters each.
+
+Where there is a C++ compiler, 8 robots (AVX-512), 4 (AVX) or 2 share every instruction
+(`dtcasadi.lanes`); elsewhere CasADi's `map` calls the C twin, or the virtual machine, for one
+after the other.
+"""
+
+import ctypes
+import threading
+import warnings
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from .bound import MATRICES, Bound, densified, named_ports
+from .checks import shown
+from .compile import CXX, CXX_FLAGS, PREFIX, c_source, library_of, twin
+from .discrete import DiscreteModel
+from .errors import CompileError, ModelError
+from .lanes import lanes_source, obstacle
+from .model import Model
+
+_FAILED = 5  # of native/batch.hpp
+
+
+class OneByOneWarning(UserWarning):
+    """The robots of a batch are computed one after the other, not on SIMD lanes."""
+
+
+class Engine(Protocol):
+    """Evaluates arrays of shape (entries, n), or (entries,) for the same in all robots."""
+
+    def __call__(self, arrays: Sequence[np.ndarray], n: int) -> list[np.ndarray]:
+        """Results of shape (entries, n), fresh arrays."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """A Function for many robots at once: `batch(*arrays)`.
+
+    A vector argument is of shape (rows, n), a column for each robot, or (rows,), the same for all;
+    a matrix (rows, columns, n) or (rows, columns). One of them must say how many robots there are.
+    Results have the robots last. Arrays whose rows are contiguous, as NumPy makes them, are not
+    copied. Calls from several threads may run at the same time.
+
+    Attributes:
+        function: what is evaluated, its ports dense.
+        lanes: robots that are computed at a time.
+        why: why it is one at a time; empty on SIMD lanes.
+        matrices: ports that keep shape (rows, columns, n) even with one column.
+    """
+
+    function: ca.Function
+    lanes: int
+    why: str
+    matrices: frozenset[str]
+    _engine: Engine
+
+    def __call__(self, *arrays: Any) -> Any:
+        """Evaluate.
+
+        Args:
+            arrays: one per argument of the Function.
+
+        Returns:
+            The result, or several as a named tuple.
+
+        Raises:
+            ModelError: wrong number of arguments, a wrong shape, something else than real numbers,
+                or the evaluation itself fails.
+        """
+        f = self.function
+        if len(arrays) != f.n_in():
+            expected = f"expected {f.n_in()} arguments ({', '.join(f.name_in())})"
+            raise ModelError(f"{f.name()}: {expected}, got {len(arrays)}")
+        fitted = [self._fitted(i, array) for i, array in enumerate(arrays)]
+        counts = {array.shape[1] for array in fitted if array.ndim == 2}
+        if len(counts) != 1:
+            expected = f"{f.name()}: expected arguments with a column for each robot"
+            found = f"{sorted(counts)} columns" if counts else "none with columns"
+            raise ModelError(f"{expected}, got {found}")
+        (n,) = counts
+        results = [self._shaped(i, result, n) for i, result in enumerate(self._engine(fitted, n))]
+        return results[0] if len(results) == 1 else named_ports("Outputs", f.name_out(), results)
+
+    def _fitted(self, i: int, value: object) -> np.ndarray:
+        """An argument as (entries, n) or (entries,), entries in column-major order."""
+        f, port = self.function, f"{self.function.name()}: {self.function.name_in(i)}"
+        try:
+            array = np.asarray(value)
+        except ValueError:  # nested lists of unequal lengths
+            raise ModelError(f"{port}: expected real numbers, got {shown(value)}") from None
+        if array.dtype.kind not in "fiub":
+            raise ModelError(f"{port}: expected real numbers, got {shown(value)}")
+        array = array.astype(np.float64, copy=False)
+        one = self._shape(f.name_in(i), f.size_in(i))
+        if array.ndim == 0 and one == (1,):
+            array = array.reshape(1)
+        if array.shape[: len(one)] != one or array.ndim > len(one) + 1:
+            raise ModelError(f"{port}: expected shape {one} or {(*one, 'n')}, got {array.shape}")
+        if len(one) == 1:
+            return array
+        return array.swapaxes(0, 1).reshape(f.numel_in(i), *array.shape[2:])
+
+    def _shaped(self, i: int, result: np.ndarray, n: int) -> np.ndarray:
+        f = self.function
+        if len(self._shape(f.name_out(i), f.size_out(i))) == 1:
+            return result
+        rows, columns = f.size_out(i)
+        return result.reshape(columns, rows, n).swapaxes(0, 1)
+
+    def _shape(self, name: str, size: tuple[int, int]) -> tuple[int, ...]:
+        return size if size[1] != 1 or name in self.matrices else size[:1]
+
+
+def batch(
+    source: Model | DiscreteModel | ca.Function,
+    name: str | None = None,
+    *,
+    matrices: Collection[str] = (),
+    flags: Sequence[str] = CXX_FLAGS,
+) -> Batch:
+    """A Function for many robots at once, each with its own state and, by `theta`, its own numbers.
+
+    Robots differ in what `dtcasadi.build(parameters=...)` left free in theta. They advance together
+    with `batch(model.discrete(step_s, method="rk4"))`.
+
+    Args:
+        source: a model, a discrete model or any casadi Function.
+        name: which Function of a model; default `ode`, of a discrete model `step`.
+        matrices: ports of a casadi Function that stay matrices even with one column.
+        flags: compiler flags.
+
+    Returns:
+        A `Batch`. Where it cannot use SIMD lanes, its `why` and a OneByOneWarning tell the reason.
+
+    Raises:
+        ModelError: an unknown name.
+    """
+    if isinstance(source, ca.Function):
+        if name is not None:
+            raise ModelError(f"name: expected none with a casadi Function, got {name!r}")
+        text, one = source, source
+    elif isinstance(source, Model | DiscreteModel):
+        name = name or ("ode" if isinstance(source, Model) else "step")
+        one, text = source.plain(name), source.native(name)
+        matrices = MATRICES
+    else:
+        expected = "expected a Model, a DiscreteModel or a casadi Function"
+        raise ModelError(f"source: {expected}, got {shown(source)}")
+    function = densified(one)
+    kept = frozenset(matrices).intersection((*function.name_in(), *function.name_out()))
+    try:
+        engine = _on_lanes(text, flags)
+    except CompileError as error:
+        why = str(error)
+        warnings.warn(f"{function.name()}: one robot at a time: {why}", OneByOneWarning, 2)
+        return Batch(function, 1, why, kept, _Mapped(twin(one, source=text)))
+    return Batch(function, engine.lanes, "", kept, engine)
+
+
+def _on_lanes(function: ca.Function, flags: Sequence[str]) -> "_Lanes":
+    """The Function compiled for SIMD lanes.
+
+    Raises:
+        CompileError: it branches on numbers, or there is no compiler that takes it.
+    """
+    why = obstacle(function)
+    if why:
+        raise CompileError(why)
+    symbol = PREFIX + function.name()
+    source = lanes_source(c_source([function]), {symbol: densified(function)})
+    try:
+        library = ctypes.CDLL(str(library_of(source, CXX, flags=flags)))
+    except OSError as error:
+        raise CompileError(f"its library does not load: {error}") from error
+    return _Lanes(library, symbol, [function.numel_out(i) for i in range(function.n_out())])
+
+
+class _Lanes:
+    """The compiled `<symbol>_batch` of a library."""
+
+    def __init__(self, library: ctypes.CDLL, symbol: str, rows_out: Sequence[int]):
+        self._run = library[f"{symbol}_batch"]
+        pointers = [ctypes.c_void_p] * 4
+        self._run.argtypes = [ctypes.c_size_t, *pointers, ctypes.c_void_p, ctypes.c_size_t]
+        size = library[f"{symbol}_batch_bytes"]
+        size.restype = ctypes.c_size_t
+        self._bytes = size()
+        self.lanes = library[f"{symbol}_batch_lanes"]()
+        self._rows_out = tuple(rows_out)
+        self._local = threading.local()
+
+    def __call__(self, arrays: Sequence[np.ndarray], n: int) -> list[np.ndarray]:
+        given = [_rows_contiguous(array, n) for array in arrays]
+        results = [np.empty((rows, n)) for rows in self._rows_out]
+        if not hasattr(self._local, "work"):
+            self._local.work = np.empty(self._bytes, dtype=np.uint8)
+        tables = (
+            _addresses([array for array, _ in given]),
+            np.array([ld for _, ld in given], dtype=np.uintp),
+            _addresses(results),
+            np.full(len(results), n, dtype=np.uintp),
+        )
+        code = self._run(
+            n, *(table.ctypes.data for table in tables), self._local.work.ctypes.data, self._bytes
+        )
+        if code == _FAILED:
+            raise ModelError("evaluation failed, casadi returned an error code")
+        return results
+
+
+def _rows_contiguous(array: np.ndarray, n: int) -> tuple[np.ndarray, int]:
+    """An array whose rows are contiguous, and the distance of their starts, 0 for one column."""
+    if array.ndim == 1:
+        return np.ascontiguousarray(array), 0
+    apart, step = array.strides
+    if n > 1 and step == 0:
+        return np.ascontiguousarray(array[:, 0]), 0
+    if step != array.itemsize or apart < n * step or apart % step:
+        return np.ascontiguousarray(array), max(n, 1)
+    return array, apart // step
+
+
+def _addresses(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    return np.array([array.ctypes.data for array in arrays], dtype=np.uintp)
+
+
+class _Mapped:
+    """CasADi's map of a Function, made again where the number of robots changes."""
+
+    def __init__(self, function: ca.Function):
+        self._function = function
+        self._local = threading.local()
+
+    def __call__(self, arrays: Sequence[np.ndarray], n: int) -> list[np.ndarray]:
+        if n == 0:
+            return [
+                np.empty((self._function.numel_out(i), 0)) for i in range(self._function.n_out())
+            ]
+        if getattr(self._local, "n", None) != n:
+            self._local.n, self._local.bound = n, Bound(self._function.map(n))
+        bound = self._local.bound
+        for view, array in zip(bound.inputs, arrays, strict=True):
+            _robots(view, n)[...] = array.T
+        bound.run()
+        return [np.ascontiguousarray(_robots(view, n).T) for view in bound.outputs]
+
+
+def _robots(view: np.ndarray, n: int) -> np.ndarray:
+    """A mapped port's buffer as (n, entries), a row for each robot."""
+    return view.reshape(-1, order="F").reshape(n, -1) if view.size else np.empty((n, 0))
