@@ -29,7 +29,7 @@ def robots(batch: dtc.Batch, model: dtc.Model, n: int, rng: np.random.Generator)
     frames = model.theta_blocks.get("frames", slice(0, 0)).stop
     theta = np.repeat(np.asarray(model.theta0)[:, None], n, axis=1)
     theta[frames:] *= rng.uniform(0.5, 2.0, (len(theta) - frames, n))
-    ranges = {"u": (0, 12), "pressure": (0, 12)}
+    ranges = {"u": (0.0, 12.0), "pressure": (0.0, 12.0)}
     return [
         theta
         if port == "theta"
@@ -221,7 +221,7 @@ def test_arguments_are_checked(rng):
         with pytest.raises(ModelError) as caught:
             batch(*arrays)
         assert str(caught.value).startswith(message)
-    for arguments in ((model, "odes"), (model.discrete(1e-3), "ode"), ("ode",), (model.ode, "x")):
+    for arguments in ((model, "odes"), (model.discrete(1e-3), "odes"), ("ode",), (model.ode, "x")):
         with pytest.raises(ModelError):
             dtc.batch(*arguments)
 

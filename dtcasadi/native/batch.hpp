@@ -67,7 +67,8 @@ int dtc_batch(const dtc_function &f, size_t n, const double *const *in, const si
     at = first;
     for (size_t p = 0; p < f.n_in; at += f.rows[p++]) {
       arg[p] = at; /* again for each block: the function may have written over it */
-      for (size_t k = 0; k < f.rows[p] && ld_in[p]; ++k) dtc_load(at + k, in[p] + k * ld_in[p], i, n);
+      for (size_t k = 0; k < f.rows[p] && ld_in[p]; ++k)
+        dtc_load(at + k, in[p] + k * ld_in[p], i, n);
     }
     for (size_t p = 0; p < f.n_out; at += f.rows[f.n_in + p++]) res[p] = at;
     if (f.call(arg, res, iw, w, 0)) return DTC_FAILED;
