@@ -13,15 +13,39 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from oracles.robots import random_robot
+from scene_texts import SMALL
 
 import dtcasadi as dtc
 from dtcasadi.codegen import Export, Exported
 from dtcasadi.codegen.describe import described
 from dtcasadi.compiler import LIBRARY_SUFFIX, Compiler, build_files, find_compiler
+from dtcasadi.scene import parse_scene
 
 GUARD = 64  # bytes of canary on either side of a buffer
 CANARY = 0xA5
+x = ca.SX.sym("x", 2)
+SQUARE = ca.Function("square", [x], [x * x], ["x"], ["y"])
+WAVE = """
+[[robot.chambers]]
+discs = "all"
+[robot.damping]
+c_a = 5
+c_b = 5
+[pressure]
+times = [0, 0.1, 0.3]
+values = [0, 4, 1]
+kind = "linear"
+"""
 OK, NULL_POINTER, TOO_SMALL, MISALIGNED, OVERLAP, FAILED, NOT_FINITE, NOT_CONVERGED = range(8)
+
+
+def small_scene(chart: str = "planar", initial: str = "") -> dtc.Scene:
+    """A disc that falls under a pressure that changes."""
+    text = SMALL.replace("t_end = 3", "t_end = 0.5\nstep = 0.05\nmethod = 'heun'")
+    text = text.replace("count = 3", "count = 2").replace("count = 2\nlength", "length")
+    return parse_scene(
+        (text + WAVE + f'[model]\nchart = "{chart}"\n{initial}').encode(), name="small"
+    )
 
 
 @cache
@@ -39,7 +63,10 @@ def gcc() -> Compiler:
 
 @dataclass(frozen=True)
 class Everything:
-    """All that is exported of two discs in space: model, description, folder, library."""
+    """All that is exported of two discs in space: model, description, folder, library.
+
+    The second disc carries a free wrench, so that every function of the default has a use.
+    """
 
     model: dtc.Model
     export: Export
@@ -52,7 +79,7 @@ def everything() -> Everything:
     """Built once in a session."""
     folder = Path(tempfile.mkdtemp(prefix="dtcasadi-tests-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    model = robot_model(2)
+    model = robot_model(2, wrenches=(2,))
     export = described(model, name="robot")
     exported = dtc.export_c(export, folder / "c")
     return Everything(model, export, exported, built(exported, ["-O0"], folder))
@@ -147,6 +174,8 @@ def random_arguments(model: dtc.Model, function: ca.Function, n: int, seed: int 
             values[: model.n_q] *= 0.5
         if port == "theta":
             values = np.tile(model.theta0[:, np.newaxis], (1, n))
+            loads = model.theta_blocks.get("wrench", slice(0, 0))
+            values[loads] = rng.uniform(-scale, scale, values[loads].shape)
         arguments.append(values)
     return arguments
 

@@ -65,7 +65,8 @@ def described(
         given: model, scene or mapping, as in `export_c`.
         name: prefix of every symbol; default: the scene's name.
         functions: names out of the model's Functions, `step`, `linearize` and `recentre`; default:
-            `DEFAULT`, without `recentre` where the model never re-centres.
+            `DEFAULT`, without `recentre` where the model never re-centres and without `forces`
+            where it has none.
         method: of `step` and `linearize`; default: the scene's where it is a one-step method with
             a fixed step, else `STEP_METHOD`.
         step_s: their step [s]; default: the scene's, else `STEP_S`.
@@ -88,15 +89,21 @@ def described(
     if not isinstance(model, Model):
         expected = "a Model, a Scene or a mapping of names to casadi Functions"
         raise ModelError(f"functions_or_model: expected {expected}, got {shown(given)}")
-    names = tuple(functions) or tuple(
-        each for each in DEFAULT if each != "recentre" or model.recentres
-    )
+    names = tuple(functions) or _default(model)
     # Building the step takes longer than everything else.
     stepped = not {"step", "linearize"}.isdisjoint(names)
     if not stepped and (method is not None or step_s is not None):
         raise ModelError("method, step_s: expected step or linearize among the functions, got none")
     discrete = _discrete(model, scene, method, step_s, single=single) if stepped else None
     return _of_model(model, scene, name, names, discrete)
+
+
+def _default(model: Model) -> tuple[str, ...]:
+    """`DEFAULT` without what this model has no use for."""
+    unused = set() if model.recentres else {"recentre"}
+    if not (model.robot.forces or model.options.wrenches):
+        unused.add("forces")
+    return tuple(name for name in DEFAULT if name not in unused)
 
 
 def _of_mapping(name: str, value: ca.Function | Exposed) -> Exposed:

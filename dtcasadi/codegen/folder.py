@@ -68,46 +68,52 @@ def write_folder(
         "graph": export.graph,
         "files": {name: hashlib.sha256(data).hexdigest() for name, data in texts.items()},
     }
-    texts[MANIFEST] = json.dumps(manifest, indent=1).encode() + b"\n"
+    # Renamed last, because first in: after an interruption the same export can be written again.
+    texts = {MANIFEST: json.dumps(manifest, indent=1).encode() + b"\n", **texts}
     for name in texts:
         if Path(name).name != name:
             raise ModelError(f"file name: expected one inside the folder, got {name!r}")
     if not force:
-        _refuse_foreign(folder, texts)
+        _refuse_foreign(folder, export.name, texts)
     with ExitStack() as stack:
         for name, data in texts.items():
             stack.enter_context(written(folder / name)).write(data)
     return Exported(
         folder,
         export.name,
-        tuple(folder / name for name in texts),
+        tuple(folder / name for name in (*files, MANIFEST)),
         functions,
         sum(map(len, texts.values())),
     )
 
 
-def _refuse_foreign(folder: Path, texts: Mapping[str, bytes]) -> None:
-    known = _known(folder)
+def _refuse_foreign(folder: Path, name: str, texts: Mapping[str, bytes]) -> None:
+    other, known = _manifest(folder)
+    if other not in ("", name):
+        raise ModelError(
+            f"{folder}: holds the export {other!r}; choose another folder, or overwrite with force"
+        )
     foreign = []
-    for name, data in texts.items():
-        path = folder / name
-        if name == MANIFEST or not (path.exists() or path.is_symlink()):
+    for file, data in texts.items():
+        path = folder / file
+        if not (path.exists() or path.is_symlink()) or (file == MANIFEST and other):
             continue
         present = path.read_bytes() if path.is_file() else b""
-        if present != data and hashlib.sha256(present).hexdigest() != known.get(name):
-            foreign.append(name)
+        if present != data and hashlib.sha256(present).hexdigest() != known.get(file):
+            foreign.append(file)
     if foreign:
-        names = ", ".join(foreign)
         raise ModelError(
-            f"{folder}: {names}: not written by this package, or edited since; choose another "
-            "folder, or overwrite with force"
+            f"{folder}: {', '.join(foreign)}: not written by this package, or edited since; choose "
+            "another folder, or overwrite with force"
         )
 
 
-def _known(folder: Path) -> Mapping[str, str]:
-    """SHA-256 by file name as an earlier export wrote them."""
+def _manifest(folder: Path) -> tuple[str, Mapping[str, str]]:
+    """Name of an earlier export, "" without one, and SHA-256 by file name as it wrote them."""
     try:
-        files = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+        found = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        if isinstance(found["files"], dict) and isinstance(found["graph"], str):
+            return str(found["name"]), found["files"]
     except (OSError, ValueError, KeyError, TypeError):
-        return {}
-    return files if isinstance(files, dict) else {}
+        pass
+    return "", {}
