@@ -18,6 +18,7 @@ import dtcasadi as dtc
 from dtcasadi.errors import StaticsError
 from dtcasadi.presets import rim
 from dtcasadi.robot import Damping, Disc, Robot, Spring, Thread
+from dtcasadi.statics import stability
 from dtcasadi.statics.loads import LoadPath
 from dtcasadi.statics.search import Mode, search_of
 
@@ -206,3 +207,18 @@ def test_unusable_arguments(arguments, text):
     with pytest.raises(StaticsError) as error:
         dtc.equilibrium(scene_model(DOWN), **arguments)
     assert str(error.value).startswith(text)
+
+
+@pytest.mark.parametrize("soft", [1.0, -1.0, 1e-7])
+def test_slow_modes_beside_very_fast_ones(soft):
+    """A mass on a spring, and a speck stiffly tied to it: 1e18 between the squared frequencies."""
+    stiff, speck = 1e6, 1e-12
+    K = np.array([[soft + stiff, -stiff], [-stiff, stiff]])
+    small = stability(np.diag([1.0, speck]), np.zeros((2, 2)), K)
+    # The product of both is soft * stiff / speck, their sum (soft + stiff) + stiff / speck.
+    expected = np.array([soft, stiff / speck + stiff])
+    # K holds soft + stiff, so to 1e-10 of the stiff one's size.
+    assert small.squared_frequencies == pytest.approx(expected, rel=1e-9, abs=2e-10)
+    assert small.stable == (soft > 0)
+    shapes = small.mode_shapes
+    assert shapes.T @ small.M @ shapes == pytest.approx(np.eye(2), abs=1e-6)

@@ -312,9 +312,11 @@ def _place(
     precision = _PRECISION * (b[0] - a[0])
     coarse = (b[0] - a[0]) / 100
     while b[0] - a[0] > precision:
-        if b[0] - a[0] < coarse and measure(a[1]) * measure(b[1]) < 0:
+        loose = a[1].small.loose or b[1].small.loose
+        if b[0] - a[0] < coarse and not loose and measure(a[1]) * measure(b[1]) < 0:
             return float(brentq(lambda x: measure(at(x)), a[0], b[0], xtol=precision))
-        # Without damping nothing decays and the measure is zero on one side: halve on.
+        # Without damping nothing decays and the measure is zero on one side, and a mode without
+        # stiffness hides it in round-off: halve on.
         middle = (a[0] + b[0]) / 2
         point = at(middle)
         if beyond(point) == beyond(a[1]):
