@@ -68,14 +68,19 @@ class Segment(NamedTuple):
         bend, twist = set_round @ lean, lean.T @ R
         return Thread(length, self.centre - set_round @ self.centre, bend, twist)
 
-    def arm(self, radius: float) -> float:
+    def arm(self, radius: float, hardening: float = 0.0) -> float:
         """How far posts on a circle about the thread stand over their discs [m].
 
-        With sqrt(2/3) radii their moment is linear in the angle to fifth order; posts between the
-        discs themselves give one that goes with its sine. Where the disc frames twist about the
-        wall such arms would lean against each other.
+        Posts between the discs themselves give a moment that goes with the sine of the bend w, an
+        energy less by w^2 / 12. With arms a it is more by (a / radius)^2 / 8 of w^2, so that the
+        moment can be linear to fifth order. Where the disc frames twist about the wall such arms
+        would lean against each other.
+
+        Args:
+            radius: of the circle [m].
+            hardening: what other springs add to the bending energy, of w^2.
         """
-        return 0.0 if self.angles[2] else math.sqrt(2 / 3) * radius
+        return 0.0 if self.angles[2] else radius * math.sqrt(8 * (1 / 12 - hardening))
 
     def along(
         self, radius: float, start: float, end: float, stiffness: float, arm: float = 0.0

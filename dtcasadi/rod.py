@@ -15,9 +15,6 @@ from .robot import STANDARD_GRAVITY, Robot
 # A ring of springs for the twist must not be small against the segment: at a bend of w its plane
 # opens by w^2 l / 8, which has to remain short against the springs.
 _RING_OVER_LENGTH = 1 / 2
-# Crossed diagonals of width c come closer in bending, which adds GA c^2 w^2 / (64 EI) to the
-# bending energy; with this share of EI / GA for c^2 that is w^2 / 4096.
-_WIDTH = 1 / 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +99,18 @@ class Rod:
         length, n = segment.length, 4
         radius = math.sqrt(self.GJ / (2 * self.GA))
         angles = [k * math.pi / 2 for k in range(n)]
-        arm = segment.arm(radius)
-        post = 2 * self.EI / (length * n * radius**2)
-        wires = [segment.along(radius, angle, angle, post, arm) for angle in angles]
         across = max(radius, _RING_OVER_LENGTH * length)
         ring_GA = self.GJ / (2 * across**2)
+        rest_GA = self.GA - ring_GA
+        post = 2 * self.EI / (length * n * radius**2)
+        # Crossed diagonals of width c come closer in bending, which adds GA c^2 w^2 / (64 EI) to
+        # its energy: with c^2 = EI / GA 1/64, for which the posts' arms are that much shorter.
+        arm = segment.arm(radius, 1 / 64 if rest_GA > 0 else 0.0)
+        wires = [segment.along(radius, angle, angle, post, arm) for angle in angles]
         wires += ring(segment, across, n, 2 * ring_GA / (n * length), 2 * across)
-        if self.GA > ring_GA:
-            width = math.sqrt(_WIDTH * self.EI / self.GA)
-            stiffness = (self.GA - ring_GA) * (length**2 + width**2) / (2 * length * width**2)
+        if rest_GA > 0:
+            width = math.sqrt(self.EI / rest_GA)
+            stiffness = rest_GA * (length**2 + width**2) / (2 * length * width**2)
             for angle in angles:
                 wires.append(segment.along(width / 2, angle, angle + math.pi, stiffness))
         return wires
