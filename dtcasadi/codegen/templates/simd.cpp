@@ -4,7 +4,11 @@
 @lanes@
 #define casadi_real dtc_lanes
 #define @NAME@_CXX_LINKAGE
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
 #include "@name@_core.c"
+#pragma GCC diagnostic pop
 
 @batch@
 @functions@
