@@ -107,8 +107,8 @@ def test_column_in_space_buckles_both_ways_at_once():
 
 @pytest.mark.parametrize(
     ("damping", "critical", "rel"),
-    # Ziegler 1952; Bolotin, Nonconservative Problems, section 2.2: without damping; and with equal
-    # dampers at both joints, in the limit of small ones. 1e-4 of damping adds its square.
+    # Without damping, Ziegler, Ing.-Archiv 20 (1952) 49; with equal dampers at both joints in the
+    # limit of small ones, Herrmann, Jong, J. Appl. Mech. 32 (1965) 592: 1e-4 adds its square.
     [(0.0, 7 / 2 - np.sqrt(2), 1e-6), (1e-4, 41 / 28, 1e-6)],
 )
 def test_ziegler_column_flutters(damping, critical, rel):

@@ -14,6 +14,7 @@ from .common import Parser, Report, guarded
 COMMANDS = {
     "demo": "simulate the paper's four-disc robot, draw it and say what happened",
     "simulate": "simulate a scene",
+    "statics": "find where a robot rests, or follow that under changing loads",
     "codegen": "write the functions of a scene as C or text, for other programs",
     "bench": "time the compiled functions on this machine",
     "doctor": "show what this installation has, what is missing, and what to do about it",

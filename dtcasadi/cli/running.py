@@ -42,7 +42,7 @@ def simulated(
     model = scene.build(**build)
     x0 = scene.x0(model)
     built = time.perf_counter() - start
-    _describe(scene, model, report)
+    describe(scene, model, report)
     report.section("phases", "wall time")
     report.line("build the model      {build:8.3f} s", build=built)
     with phase(report, "compile", "compile, or find it  {seconds:8.3f} s"):
@@ -65,7 +65,7 @@ def simulated(
     return run
 
 
-def _describe(scene: "Scene", model: "Model", report: Report) -> None:
+def describe(scene: "Scene", model: "Model", report: Report) -> None:
     """The scene and its model."""
     charts = sorted({chart.name for chart in model.charts})
     report.section("scene", f"{scene.name}: {scene.title}")

@@ -10,8 +10,10 @@ import numpy as np
 from .. import checks
 from ..errors import StaticsError
 from ..model import Model
-from .continuation import METHODS, Event, Point, Trace, Tracer, follow
+from .continuation import METHODS, Point, Tracer
 from .equilibrium import Counter, Equilibrium, checked, equilibrium, result
+from .events import Event
+from .following import Trace, follow
 from .loads import LoadPath, Parameter, load_error, load_path
 from .search import Mode, Why, search_of
 

@@ -11,7 +11,8 @@ import numpy as np
 from .. import checks
 from ..errors import StaticsError
 from ..model import Model
-from .continuation import Tracer, follow
+from .continuation import Tracer
+from .following import follow
 from .loads import LoadPath, load_error, ramped
 from .search import Found, Mode, Search, Why, search_of
 from .stability import Stability, stability
@@ -98,6 +99,7 @@ class Equilibrium:
 
     eigenvalues = _OfStability()
     frequencies = _OfStability()
+    squared_frequencies = _OfStability()
     mode_shapes = _OfStability()
     floppy = _OfStability()
 

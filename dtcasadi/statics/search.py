@@ -100,13 +100,11 @@ class Search:
 
     Attributes:
         model: the model.
-        function: `balance`, for the twin.
         compiled: `balance`, `newton` and `absorbed`, of the library.
         library: the compiled search, or None.
     """
 
     model: Model
-    function: ca.Function
     compiled: tuple[ca.Function, ...]
     library: ctypes.CDLL | None
 
@@ -154,6 +152,11 @@ class Search:
             evaluations=state.evaluations,
             recentrings=state.recentrings,
         )
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """`balance` as CasADi's virtual machine runs it, for the twin."""
+        return balance(self.model.graphs[1])
 
     @cached_property
     def _layout(self) -> tuple[dict[str, tuple[int, int]], int, tuple[int, ...], np.ndarray]:
@@ -311,10 +314,10 @@ def search_of(model: Model) -> Search:
     """The search of a model, compiled on first use and kept with it."""
 
     def build() -> Search:
-        native, plain = model.graphs
+        native = model.graphs[0]
         functions = {"BALANCE": balance(native), "NEWTON": newton(native), "ABSORB": absorbed()}
         source = (files("dtcasadi") / "native" / "find.c").read_text(encoding="utf-8")
         library = load_library(functions, source, {"N": model.n_q, "GROUND": GROUND})
-        return Search(model, balance(plain), tuple(functions.values()), library)
+        return Search(model, tuple(functions.values()), library)
 
     return model.once("search", build)

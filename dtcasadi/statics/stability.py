@@ -1,8 +1,8 @@
 """Stability of small motion about rest: M qdd + D qd + K dq = 0.
 
 Follower loads make K unsymmetric, so stability is read from the eigenvalues of the second-order
-system, lambda^2 M + lambda D + K (Meirovitch, Fundamentals of Vibrations, section 4.8), not from
-the sign of K. A growing real eigenvalue is divergence (buckling, a static loss of stability); a
+system, lambda^2 M + lambda D + K (Tisseur, Meerbergen, SIAM Review 43 (2001) 235), not from the
+sign of K. A growing real eigenvalue is divergence (buckling, a static loss of stability); a
 growing complex pair is flutter.
 
 Eigenvalues have errors that no fixed threshold tells from slow growth: those of a floppy mode are
