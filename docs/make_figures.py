@@ -6,6 +6,7 @@ import inflation
 
 import dtcasadi as dtc
 from dtcasadi import plots
+from dtcasadi.statics import plots as static_plots
 
 FOLDER = Path(__file__).resolve().parent / "figures"
 
@@ -13,5 +14,7 @@ if __name__ == "__main__":
     run = dtc.simulate(dtc.load_scene("seed_four_disc"))
     FOLDER.mkdir(exist_ok=True)
     plots.filmstrip(run, FOLDER / "filmstrip.png")
+    model = dtc.load_scene("seed_four_disc").build()
+    static_plots.diagram(dtc.branch(model, "pressure", 0.5, 20.0), FOLDER / "equilibria.png")
     inflation.draw(FOLDER / "inflation.png")
     print(f"drawn into {FOLDER}: {run.message}")

@@ -111,7 +111,7 @@ def diagram(
             "abcde"[k],
             (factor * s, quantity(point)),
             textcoords="offset points",
-            xytext=(5, 5),
+            xytext=(5, 5 if k % 2 == 0 else -12),  # apart where two poses lie close
             color=GREY,
         )
     return finished(figure, path)
@@ -200,25 +200,23 @@ class _Stage:
 
 
 def _draw_branch(axes: Axes, branch: Branch, quantity: Quantity, factor: float) -> None:
-    """The curve in pieces of one kind; events end a piece."""
+    """The curve in pieces of one kind; where the kind changes at an event, the piece ends there."""
     places = [(s, point, point.kind) for s, point in zip(branch.s, branch.points, strict=True)]
-    for event in reversed(branch.events):  # the kind before an event reaches up to it
-        places.insert(event.after + 1, (event.s, event.equilibrium, ""))
-    kind, piece = places[0][2], [places[0]]
+    for event in reversed(branch.events):  # from behind, so that the numbers stay
+        k = event.after + 1
+        places.insert(k, (event.s, event.equilibrium, places[k][2]))
+    piece = places[:1]
     for place in places[1:]:
         piece.append(place)
-        if place[2] != kind:
-            _draw_piece(axes, piece, kind, quantity, factor)
-            following = [each[2] for each in places[places.index(place) :] if each[2]]
-            kind, piece = following[0] if following else kind, [place]
-    _draw_piece(axes, piece, kind, quantity, factor)
+        if place[2] != piece[0][2]:
+            _draw_piece(axes, piece, quantity, factor)
+            piece = [place]
+    _draw_piece(axes, piece, quantity, factor)
 
 
-def _draw_piece(
-    axes: Axes, piece: list[tuple], kind: str, quantity: Quantity, factor: float
-) -> None:
+def _draw_piece(axes: Axes, piece: list[tuple], quantity: Quantity, factor: float) -> None:
     s, values = zip(*((factor * s, quantity(point)) for s, point, _ in piece), strict=True)
-    axes.plot(s, values, **_LINES[kind])
+    axes.plot(s, values, **_LINES[piece[0][2]])
 
 
 def _parameter(branch: Branch) -> tuple[float, str]:
