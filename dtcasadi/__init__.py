@@ -6,7 +6,16 @@ from .charts import convert
 from .codegen import export_c
 from .discrete import DiscreteModel
 from .events import Event
-from .forces import Couple, FollowerLoad, Force, Payload, PointLoad
+from .forces import (
+    Couple,
+    Drag,
+    FabricBunching,
+    FollowerLoad,
+    Force,
+    Payload,
+    PointLoad,
+    WallSpring,
+)
 from .model import Model, build
 from .profile import Profile
 from .ratings import PressureWarning
@@ -27,8 +36,10 @@ __all__ = [
     "Direct",
     "Disc",
     "DiscreteModel",
+    "Drag",
     "Equilibrium",
     "Event",
+    "FabricBunching",
     "FollowerLoad",
     "Force",
     "Model",
@@ -42,6 +53,7 @@ __all__ = [
     "Scene",
     "Spring",
     "Thread",
+    "WallSpring",
     "batch",
     "branch",
     "build",

@@ -105,7 +105,8 @@ def act(
         for held, wrench in zip(loads[span.first - 1 : span.last], found, strict=True):
             held.append(wrench)
     on_discs = by_disc(forces)
-    states = world_states(chain, on_discs, segments, qd)
+    needs = {disc: joint_traits(mine) for disc, mine in on_discs.items()}
+    states = world_states(chain, needs, segments, qd)
     for disc, mine in on_discs.items():
         parts = (packed(force) for force in mine)
         loads[disc - 1].append(chain.asm.call(*outer, *states[disc], *parts))
@@ -113,10 +114,9 @@ def act(
 
 
 def world_states(
-    chain: Chain, on_discs: dict[int, list[Force]], segments: list[Segment], qd: ca.SX
+    chain: Chain, needs: dict[int, Traits], segments: list[Segment], qd: ca.SX
 ) -> dict[int, tuple[ca.SX, ca.SX, ca.SX, ca.SX]]:
     """R, r, w, v (the rates along the disc's axes) of each disc; constants where nobody looks."""
-    needs = {disc: joint_traits(forces) for disc, forces in on_discs.items()}
     if any(need.pose for need in needs.values()):
         R, r = chain.poses(segments)
     if any(need.rates for need in needs.values()):
@@ -200,7 +200,9 @@ def world_derivatives(
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
     """Matrices `stiff` and `drag` of `world_jacobian` for each disc (from 1) that has them."""
     on_discs = by_disc(f for f in forces if traits(f).pose or traits(f).rates)
-    states = world_states(chain, on_discs, segments, qd)
+    # In the root's frame they depend on the pose, whatever the wrench along the disc's axes does.
+    needs = {disc: joint_traits(mine)._replace(pose=True) for disc, mine in on_discs.items()}
+    states = world_states(chain, needs, segments, qd)
     return {
         disc: chain.asm.call(world_jacobian, *states[disc], *(packed(f) for f in mine))
         for disc, mine in on_discs.items()

@@ -1,7 +1,7 @@
 """Boundary checks: each returns the cleaned value or raises naming field, expectation and gift."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -73,6 +73,28 @@ def array(
         raise error(field, f"{expected} up to {LARGEST:g}", shown(value))
     result.flags.writeable = False
     return result
+
+
+def row(
+    field: str, value: object, n: int, *, nonnegative: bool = False, error: Raiser = RobotError
+) -> np.ndarray:
+    """A float array of shape (n,); a single number stands for all."""
+    if np.ndim(value) == 0:  # type: ignore[arg-type]
+        value = [number(field, value, nonnegative=nonnegative, error=error)] * n
+    result = array(field, value, (n,), error=error)
+    if nonnegative and np.any(result < 0):
+        raise error(field, "non-negative numbers", shown(value))
+    return result
+
+
+def neighbours(field: str, value: object, *, error: Raiser = RobotError) -> tuple[int, int]:
+    """Numbers (i, i + 1) of two neighbouring discs."""
+    if not isinstance(value, Sequence) or len(value) != 2:
+        raise error(field, "two neighbouring disc numbers", shown(value))
+    first, second = (index(field, disc, 1, 10**6, error=error) for disc in value)
+    if second != first + 1:
+        raise error(field, "neighbours (i, i + 1)", (first, second))
+    return first, second
 
 
 def _holds_bool(value: object) -> bool:

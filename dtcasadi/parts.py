@@ -136,6 +136,12 @@ class Thread:
         )
 
 
+def rest_gap(thread: Thread, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Way from a point of disc i to one of disc i+1 in the rest pose, all coordinates zero."""
+    origin = thread.exit_point + thread.length * thread.bend[:, 2]
+    return origin + thread.bend @ thread.twist @ end - start
+
+
 @dataclass(frozen=True, eq=False)
 class Spring:
     """A straight spring and damper between a point on disc i and a point on disc i+1.
@@ -158,17 +164,12 @@ class Spring:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        if not isinstance(self.discs, Sequence) or len(self.discs) != 2:
-            raise RobotError("discs", "two neighbouring disc numbers", checks.shown(self.discs))
-        first, second = (checks.index("discs", d, 1, 10**6) for d in self.discs)
-        if second != first + 1:
-            raise RobotError("discs", "neighbours (i, i + 1)", (first, second))
         rest = self.rest_length
         if rest is not None:
             rest = checks.number("rest_length", rest, nonnegative=True)
         set_fields(
             self,
-            discs=(first, second),
+            discs=checks.neighbours("discs", self.discs),
             start=checks.array("start", self.start, (3,)),
             end=checks.array("end", self.end, (3,)),
             stiffness=checks.number("stiffness", self.stiffness, nonnegative=True),

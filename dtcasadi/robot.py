@@ -16,7 +16,7 @@ from . import checks
 from .errors import RobotError
 from .forces.protocol import Force
 from .forces.traits import check
-from .parts import Chamber, Damping, Disc, Spring, Thread, set_fields
+from .parts import Chamber, Damping, Disc, Spring, Thread, rest_gap, set_fields
 
 STANDARD_GRAVITY = 9.81
 
@@ -202,9 +202,7 @@ def _at_rest(number: int, spring: Spring, threads: tuple[Thread, ...]) -> Spring
     """The spring with its rest length filled in from the rest pose (all coordinates zero)."""
     if spring.rest_length is not None:
         return spring
-    thread = threads[spring.discs[0] - 1]
-    origin = thread.exit_point + thread.length * thread.bend[:, 2]
-    gap = origin + thread.bend @ thread.twist @ spring.end - spring.start
+    gap = rest_gap(threads[spring.discs[0] - 1], spring.start, spring.end)
     try:
         return replace(spring, rest_length=float(np.linalg.norm(gap)))
     except RobotError as error:  # ends near the largest number a robot may hold

@@ -15,7 +15,15 @@ from own_forces import Magnet, MagnetByEnergy, Sail, Tendon
 from test_derivatives import exact
 
 import dtcasadi as dtc
-from dtcasadi.forces import Couple, FollowerLoad, Payload, PointLoad
+from dtcasadi.forces import (
+    Couple,
+    Drag,
+    FabricBunching,
+    FollowerLoad,
+    Payload,
+    PointLoad,
+    WallSpring,
+)
 
 CHARTS = ("cardan", "paper", "ball")
 ROUND_OFF = 1e-12  # of some thousand operations, relative to the largest entry
@@ -100,6 +108,9 @@ FORCES = (
     FollowerLoad(2, -1.0, (0.1, 1.0, 0.3)),
     Couple(3, 0.6, (1.0, 0.2, 0.0)),
     Payload(3, 0.7, (0.1, 0.2, -0.1)),
+    Drag(3, (0.3, 0.2, 0.1), 0.5, 0.1, (0.2, -0.3, 0.4)),
+    WallSpring((1, 2), (0.1, 0.9, 0.0), (0.3, 1.1, 0.1), 2.0, 0.5, 0.3, 0.1),
+    FabricBunching((2, 3), (0.0, 1.0, 0.0), (0.1, 1.2, 0.0), 3.0, 3.0, 0.2),
 )
 
 
@@ -147,20 +158,21 @@ def test_numbers_of_forces_as_parameters(rng):
     robot = with_forces(cases.robot(3), *FORCES)
     model = dtc.build(robot, parameters=("forces[1].place", "forces.stiffness"))
     assert model.theta0[model.theta_blocks["forces[1].place"]].tolist() == [0.3, 0.4, 0.5]
-    assert model.theta0[model.theta_blocks["forces.stiffness"]].tolist() == [3.0, 1.0]
+    stiffness = model.theta_blocks["forces.stiffness"]
+    assert model.theta0[stiffness].tolist() == [3.0, 1.0, 2.0, 3.0]
     changed = list(robot.forces)
     changed[0] = Magnet(3, 2.0, (0.0, 1.0, 0.0))
     changed[1] = Tendon((1, 2, 3), 4.0, 0.5)
     other = dtc.build(with_forces(robot, *changed))
     theta = model.theta0.copy()
     theta[model.theta_blocks["forces[1].place"]] = [0.0, 1.0, 0.0]
-    theta[model.theta_blocks["forces.stiffness"]] = [4.0, 1.0]
+    theta[stiffness.start] = 4.0
     q, qd, _ = state(rng, ("cardan",) * 2)
     expected = numbers(other.forces, q, qd, other.theta0)
     assert error(numbers(model.forces, q, qd, theta), expected) < ROUND_OFF
     for path, text in (
         ("forces[1].weight", r"forces\[1\].weight: expected one of strength, place, soft, got"),
-        ("forces[10].mass", r"expected an index from 1 to 9, got 10"),
+        ("forces[13].mass", r"expected an index from 1 to 12, got 13"),
         ("forces.disc", r"expected one of .*stiffness"),
     ):
         with pytest.raises(dtc.errors.ModelError, match=text):

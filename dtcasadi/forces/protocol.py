@@ -108,6 +108,10 @@ class DiscState:
         """Velocity of a point of the disc given in its own frame, shape (3, 1) [m/s]."""
         return self.v + cross(self.w, ca.mtimes(self.R, column(point)))
 
+    def velocity_own(self, point: object) -> ca.SX:
+        """The same along the disc's axes, shape (3, 1) [m/s]."""
+        return self.v_own + cross(self.w_own, column(point))
+
     def push(self, force: object, at: object = None) -> Wrench:
         """A force along the reference's axes on a point of the disc (None: its origin)."""
         force = column(force)
