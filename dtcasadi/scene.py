@@ -4,9 +4,9 @@ Format, schema 1
 ----------------
 Numbers are in SI units; a suffix of the key names another unit (never both of `radius` and
 `radius_mm`): _mm _cm, _g, _deg, _ms, _mm2 _cm2, _g_mm2 _kg_mm2, _kpa _bar, _kpa_per_s _bar_per_s,
-_per_kpa _per_bar, _deg_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s. Keys marked * may be left out. `n`
-is the number of discs, disc 1 the fixed root; vectors are x, y, z in the frame of the disc they
-belong to.
+_per_kpa _per_bar, _deg_per_s, _mm_per_s _cm_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s, _mn _kn, _n_mm,
+_per_mm2. Keys marked * may be left out. `n` is the number of discs, disc 1 the fixed root; vectors
+are x, y, z in the frame of the disc they belong to.
 
     schema = 1
     name *, title *             default: the file's name
@@ -40,6 +40,19 @@ belong to.
 
     [robot.damping] *           c_a *, c_b *, c_w *, c_r * [N m s/rad] of every segment, or
     [[robot.damping]]           n - 1 tables, count * as above
+
+    [[robot.forces]] *          kind = one of these; see `dtcasadi.forces` for each
+    "point_load"                disc, magnitude [N], direction in the root's frame, point *
+    "follower_load"             disc, magnitude [N], direction in the disc's frame, point *
+    "couple"                    disc, magnitude [N m], direction, follower * = false
+    "payload"                   disc, mass, point *, inertia * (3 x 3, about its centre)
+    "drag"                      disc, linear * [N s/m], quadratic * [N s^2/m^2], angular *, point *
+                                flow * [m/s]; the first three one number or [x, y, z]
+    "wall_spring"               discs, at_deg ... radius * as for springs, stiffness, rest_length *,
+                                stiffening * [1/m^2], smoothing *
+    "fabric_bunching"           the same with gap for rest_length
+    disc = 4 | "all"            "all": such a force on every disc from 2 on; point: default the
+                                centre of mass
 
     [model] *                   options of `dtcasadi.build`
     chart * = "cardan"          or a list of n - 1

@@ -7,6 +7,7 @@ import numpy as np
 
 from . import checks
 from .robot import STANDARD_GRAVITY, Chamber, Damping, Disc, Robot, Thread
+from .scene_forces import read_forces
 from .scene_springs import Discs, read_span, read_springs
 from .scene_tables import Table, given
 from .scene_units import (
@@ -42,11 +43,12 @@ def read_robot(table: Table) -> RobotPart:
     springs = read_springs(table, discs)
     chambers = _read_chambers(table, discs.number)
     damping = _read_damping(table, discs.number)
+    forces = read_forces(table, discs)
     table.close()
     robot = None
     if len(table.faults) == before:
         parts = (discs.discs, threads, springs, chambers, damping)
-        robot = table.make(Robot, *parts, up=up, gravity=gravity)
+        robot = table.make(Robot, *parts, up=up, gravity=gravity, forces=forces)
     return RobotPart(robot, discs.number, None if chambers is None else len(chambers))
 
 

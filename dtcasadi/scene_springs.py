@@ -58,35 +58,55 @@ def read_span(part: Table, n_discs: int | None, meaning: str) -> tuple[int, int]
     return value[0], value[1]
 
 
-def _read_spring_table(part: Table, discs: Discs, room: int) -> list[Spring]:
+class Strands(NamedTuple):
+    """Where straight things between neighbouring discs end, as a table says it."""
+
+    part: Table
+    pairs: list[tuple[int, int]] | None  # None: not known
+    places: Ends
+    radius: float | None
+
+    def ends(self, discs: Discs, room: int, most: str) -> list[tuple]:
+        """(pair, start, end) of each; none where the table has faults or there are too many."""
+        if self.pairs is None or not self.part.sound or None in discs.discs:
+            return []
+        count = len(self.pairs) * len(self.places)
+        if count > room:
+            self.part.fault("discs", f"at most {most} in all", count)
+            return []
+        return [
+            (
+                pair,
+                *(_end(self.part, discs, self.radius, *on) for on in zip(pair, place, strict=True)),
+            )
+            for pair in self.pairs
+            for place in self.places
+        ]
+
+
+def read_strands(part: Table, discs: Discs) -> Strands:
+    """The keys `discs`, `at` or its siblings, and `radius`."""
     span = read_span(part, discs.number, "two neighbouring disc numbers")
     whole = part.peek("discs") == "all"
     if span and not whole and span[1] != span[0] + 1:
         part.fault("discs", "neighbours [i, i + 1]", list(span))
+    pairs = None if span is None else [(i, i + 1) for i in range(*span)] if whole else [span]
     places = _read_places(part)
     radius = part.number("radius", LENGTH, default=None, positive=True)
+    return Strands(part, pairs, places, radius)
+
+
+def _read_spring_table(part: Table, discs: Discs, room: int) -> list[Spring]:
+    strands = read_strands(part, discs)
     constants = {
         "stiffness": part.number("stiffness", STIFFNESS, nonnegative=True),
         "rest_length": part.number("rest_length", LENGTH, default=None, nonnegative=True),
         "damping": part.number("damping", SPRING_DAMPING, default=0.0, nonnegative=True),
     }
     part.close()
-    if span is None or not part.sound or None in discs.discs:
-        return []
-    pairs = [(i, i + 1) for i in range(*span)] if whole else [span]
-    if len(pairs) * len(places) > room:
-        total = MAX_SPRINGS - room + len(pairs) * len(places)
-        part.fault("discs", f"at most {MAX_SPRINGS} springs in all", total)
-        return []
-    springs = []
-    for pair in pairs:
-        for place in places:
-            ends = [_end(part, discs, radius, *on) for on in zip(pair, place, strict=True)]
-            spring = part.make(Spring, pair, *ends, **constants)
-            if spring is None:
-                return []
-            springs.append(spring)
-    return springs
+    ends = strands.ends(discs, room, f"{MAX_SPRINGS} springs")
+    springs = [part.make(Spring, *each, **constants) for each in ends]
+    return [spring for spring in springs if spring is not None]
 
 
 def _read_places(part: Table) -> Ends:

@@ -164,6 +164,14 @@ class Table:
         """One of the strings."""
         return self.text(key, one_of(choices), lambda text: text in choices, default=default)
 
+    def truth(self, key: str, *, default: Any = REQUIRED) -> Any:
+        """True or false."""
+        found = self.take(key, "true or false", default=default)
+        if found is None or isinstance(found[0], bool):
+            return found[0] if found else default
+        self.fault(key, "true or false", checks.shown(found[0]))
+        return False
+
     def table(self, key: str, *, default: Any = REQUIRED) -> "Table | None":
         """A sub-table; None where there is none."""
         found = self.take(key, "a table", default=default)

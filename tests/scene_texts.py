@@ -98,6 +98,55 @@ c_w = 1e-3
 [[robot.damping]]
 c_r = 2e-3
 
+[[robot.forces]]
+kind = "point_load"
+disc = 4
+magnitude_mn = 500
+direction = [0, -1, 0]
+point_mm = [0, 30, 0]
+
+[[robot.forces]]
+kind = "couple"
+disc = 3
+magnitude_n_mm = 2
+direction = [0, 0, 2]
+follower = true
+
+[[robot.forces]]
+kind = "payload"
+disc = 4
+mass_g = 20
+inertia_kg_mm2 = [[1, 0, 0], [0, 1, 0], [0, 0, 2]]
+
+[[robot.forces]]
+kind = "drag"
+disc = "all"
+linear = 0.01
+quadratic = [0.1, 0.1, 0.02]
+flow_mm_per_s = [0, 0, 50]
+
+[[robot.forces]]
+kind = "wall_spring"
+discs = "all"
+radius_mm = 28
+at_deg = [90, 270]
+stiffness = 100
+stiffening_per_mm2 = 0.01
+
+[[robot.forces]]
+kind = "fabric_bunching"
+discs = [1, 2]
+start_mm = [0, 1, 0]
+end_mm = [0, 2, 0]
+stiffness_n_per_mm = 2
+gap_mm = 10
+
+[[robot.forces]]
+kind = "follower_load"
+disc = 2
+magnitude = 0.25
+direction = [0, 0, 1]
+
 [model]
 chart = ["cardan", "paper", "cardan"]
 velocity_terms = "full"

@@ -195,3 +195,13 @@ def test_energy_is_conserved_or_accounted_for():
         turned = np.ptp(run.energy["kinetic"])
         assert np.max(np.abs(run.energy["residual"])) < 1e-8 * turned  # rtol over some 100 steps
         assert (np.ptp(run.energy["dissipated"]) > 1e-3 * turned) == lost
+
+
+@pytest.mark.parametrize("name", ["ode", "ode_jacobian", "potential_energy"])
+def test_no_force_needs_a_condition(name):
+    """No `?:` in generated C, which a SIMD type cannot take."""
+    robot = with_forces(cases.robot(3), *FORCES)
+    function = dtc.build(robot, chart="planar", inflation="volume").function(name).expand()
+    codes = {function.instruction_id(k) for k in range(function.n_instructions())}
+    assert ca.OP_FMAX in codes
+    assert not codes & {ca.OP_IF_ELSE_ZERO, ca.OP_CALL}

@@ -10,6 +10,7 @@ import pytest
 from scene_texts import FULL, SMALL
 
 from dtcasadi.errors import SceneError
+from dtcasadi.forces.protocol import numbers_in
 from dtcasadi.scene import Scene, parse_scene, scene_names
 
 SCENES = resources.files("dtcasadi") / "scenes"
@@ -122,6 +123,7 @@ def assert_sound(scene: Scene) -> None:
     numbers += [a for s in robot.springs for a in (s.start, s.end, s.stiffness, s.rest_length)]
     numbers += [a for t in robot.threads for a in (t.length, t.exit_point, t.bend, t.twist)]
     numbers += [a for c in robot.chambers for a in (c.areas, c.centroids)]
+    numbers += [a for f in robot.forces for a in numbers_in(f).values()]
     assert all(np.all(np.isfinite(number)) for number in numbers)
     assert scene.pressure.n_u == len(robot.chambers)
     assert scene.initial_chart is not None and isinstance(robot.damping, tuple)
