@@ -173,7 +173,7 @@ def random_arguments(model: dtc.Model, function: ca.Function, n: int, seed: int 
         if port == "x":
             values[: model.n_q] *= 0.5
         if port == "theta":
-            values = np.tile(model.theta0[:, np.newaxis], (1, n))
+            values = np.repeat(model.theta0[:, np.newaxis], n, axis=1)
             loads = model.theta_blocks.get("wrench", slice(0, 0))
             values[loads] = rng.uniform(-scale, scale, values[loads].shape)
         arguments.append(values)

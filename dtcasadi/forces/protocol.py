@@ -147,10 +147,15 @@ class Force:
     """Base of every force: a frozen value that a robot holds in `forces`.
 
     A force has a field `disc` (the world acts on that disc) or `discs` (the first one is the
-    reference), and gives `wrenches`, or `energy` alone and has its wrenches from that. Its other
-    fields are numbers (also of shape (n,) or (n, m)), which may become free parameters
+    reference), and gives `wrenches`, or `energy` alone and has its wrenches from that. With both,
+    the energy is its potential: model and health book it as such, and its wrenches at rest must be
+    its slope. What wrenches take because of rates is booked as dissipated. `DiscState` says what is
+    seen and has `push`, `turn` and their kin to make wrenches with.
+
+    Its other fields are numbers (also of shape (n,) or (n, m)), which may become free parameters
     (`forces[2].stiffness`) and are CasADi matrices when it is asked, or texts and truth values.
-    Wrenches have to be smooth enough to be differentiated, and free of `if_else`.
+    Wrenches have to be smooth enough to be differentiated, and free of `if_else`. Derivatives are
+    taken of the small kernel that holds the forces on one disc or between the same discs.
     """
 
     # Any arguments, so that a force may name the discs it sees: `wrenches(self, disc)`.
