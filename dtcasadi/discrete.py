@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -15,10 +15,12 @@ from .compile import twin
 from .errors import ModelError
 from .integrators.package import SLACK_MAX
 from .integrators.step import At, OneStep, Plant
-from .integrators.steppers import ONE_STEP, plant_of, symbols
+from .integrators.steppers import ONE_STEP, symbols
+from .measuring import Layout, Sensor, layout_of, plants_of, sensor_of
 
 if TYPE_CHECKING:
     from .model import Model
+    from .sampled import Sampled, Sensors
 
 # Squares of states above this overflow soon; a state that is not finite fails the same comparison.
 _HUGE = 1e300
@@ -37,11 +39,12 @@ class DiscreteModel:
         linearize: Function x, u, theta -> x_next, F_x (n_x, n_x), F_u (n_x, n_u),
             F_theta (n_x, n_theta), zero for the block `frames`.
         ode: Function x, u, theta -> xdot, the continuous model.
-        theta0: the robot's own parameters, shape (n_theta,).
+        theta0: the robot's own parameters, then the biases of its sensors, shape (n_theta,).
         theta_blocks: name of each block of theta -> its slice.
         state_names: one name per state.
         step_s: step [s].
         method: name of the integrator.
+        sensors: what is measured, by name.
     """
 
     step: ca.Function
@@ -53,8 +56,12 @@ class DiscreteModel:
     state_names: tuple[str, ...]
     step_s: float
     method: str
+    sensors: Mapping[str, Sensor]
     _model: Model
     _sources: Mapping[str, ca.Function]
+    _given: Mapping[str, Sampled]
+    _layout: Layout
+    _kept: dict[tuple[str, ...], Sensor] = field(default_factory=dict)
 
     def compiled(self, name: str) -> Bound:
         """The C twin of `step`, `checked`, `linearize` or `ode`, one per thread.
@@ -62,7 +69,7 @@ class DiscreteModel:
         Raises:
             ModelError: another name.
         """
-        if name == "ode":
+        if name == "ode" and self._layout.n == self._layout.n_model:
             return self._model.compiled(name)
         plain, source = self.plain(name), self.native(name)
         key = ("discrete", name, self.method, self.step_s, source)
@@ -76,7 +83,7 @@ class DiscreteModel:
             ModelError: another name.
         """
         if name == "ode":
-            return self._model.plain(name)
+            return self.ode if self._layout.n > self._layout.n_model else self._model.plain(name)
         if name not in self._sources:
             expected = ", ".join([*self._sources, "ode"])
             raise ModelError(f"function: expected one of {expected}, got {name!r}")
@@ -91,11 +98,37 @@ class DiscreteModel:
         self, x: np.ndarray, theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """State and parameters about new centres, and the map T of a covariance; see `Model`."""
-        return self._model.recentre(x, theta)
+        own, biases = np.split(np.asarray(theta, dtype=float), [self._layout.n_model])
+        x, own, T = self._model.recentre(x, own)
+        return x, np.concatenate([own, biases]), T
+
+    def together(self, names: Sequence[str]) -> Sensor:
+        """Several sensors read at the same instant, as one: what they share is computed once.
+
+        Raises:
+            ModelError: an unknown name.
+        """
+        key = tuple(names)
+        for name in key:
+            if name not in self.sensors:
+                expected = ", ".join(self.sensors) or "none: the model has no sensors"
+                raise ModelError(f"sensor: expected one of {expected}, got {name!r}")
+        if len(key) == 1:
+            return self.sensors[key[0]]
+        if key not in self._kept:
+            given = [self._given[name] for name in key]
+            self._kept[key] = sensor_of(self._model, given, self._layout)
+        return self._kept[key]
 
 
 def discretize(
-    model: Model, step_s: float, method: str, *, exact: bool, slack_max: float = SLACK_MAX
+    model: Model,
+    step_s: float,
+    method: str,
+    *,
+    exact: bool,
+    sensors: Sensors = (),
+    slack_max: float = SLACK_MAX,
 ) -> DiscreteModel:
     """Build `DiscreteModel`; see `Model.discrete`.
 
@@ -104,6 +137,7 @@ def discretize(
         step_s: step [s].
         method: a name of `dtcasadi.integrators.ONE_STEP`.
         exact: whether `linearize` gives exact derivatives.
+        sensors: what is measured.
         slack_max: a last Newton correction above this share of the stages is a failed step.
 
     Raises:
@@ -113,29 +147,52 @@ def discretize(
     if method not in ONE_STEP:
         raise _error("method", f"one of {', '.join(ONE_STEP)}", repr(method))
     chosen = ONE_STEP[method]
+    layout = layout_of(model, sensors)
     sources, functions = (
-        _functions(chosen, plant_of(g), step_s, slack_max, exact=exact) for g in model.graphs
+        _functions(chosen, plant, step_s, slack_max, layout, exact=exact)
+        for plant in plants_of(model)
     )
     return DiscreteModel(
         **functions,
-        ode=model.ode,
-        theta0=model.theta0,
-        theta_blocks=model.theta_blocks,
+        ode=_ode(model, layout),
+        theta0=layout.values,
+        theta_blocks=layout.blocks,
         state_names=model.state_names,
         step_s=step_s,
         method=method,
+        sensors={sensor.name: sensor_of(model, [sensor], layout) for sensor in sensors},
         _model=model,
         _sources=sources,
+        _given={sensor.name: sensor for sensor in sensors},
+        _layout=layout,
     )
 
 
+def _ode(model: Model, layout: Layout) -> ca.Function:
+    """The state equation as a Function of theta with the biases."""
+    if layout.n == layout.n_model:
+        return model.ode
+    x, u = ca.MX.sym("x", model.n_x), ca.MX.sym("u", model.n_u)
+    theta = ca.MX.sym("theta", layout.n)
+    value = model.ode(x, u, theta[: layout.n_model])
+    return ca.Function("ode", [x, u, theta], [value], ["x", "u", "theta"], ["xdot"])
+
+
 def _functions(
-    method: OneStep, plant: Plant, step_s: float, slack_max: float, *, exact: bool
+    method: OneStep,
+    plant: Plant,
+    step_s: float,
+    slack_max: float,
+    layout: Layout,
+    *,
+    exact: bool,
 ) -> dict[str, ca.Function]:
     """The step and its linearization as Functions of x, u and theta."""
     free = symbols(plant)
-    at = At(free.x, free.u, free.zeros(free.u.shape[0]), plant.kind(step_s), free.theta)
-    ports, names = [at.x, at.u, at.theta], ["x", "u", "theta"]
+    theta = free.theta if layout.n == layout.n_model else plant.kind.sym("theta", layout.n)
+    own, biases = ca.vertsplit(theta, [0, layout.n_model, layout.n])
+    at = At(free.x, free.u, free.zeros(free.u.shape[0]), plant.kind(step_s), own)
+    ports, names = [at.x, at.u, theta], ["x", "u", "theta"]
     step = method.step(plant, at)
     good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= slack_max)
     parts = {"x_next": step.x_next, "status": 1 - good}
@@ -144,7 +201,8 @@ def _functions(
     checked = ca.Function("checked", ports, list(parts.values()), names, list(parts))
     step, by = method.sensitivity(plant, at, exact=exact)
     n_frames = at.theta.shape[0] - by.F_theta.shape[1]
-    by = by._replace(F_theta=ca.horzcat(at.zeros(at.x.shape[0], n_frames), by.F_theta))
+    sides = [at.zeros(at.x.shape[0], n) for n in (n_frames, biases.shape[0])]
+    by = by._replace(F_theta=ca.horzcat(sides[0], by.F_theta, sides[1]))
     values = [ca.densify(value) for value in (step.x_next, *by)]
     outputs = ["x_next", *by._fields]
     options = {"cse": True}

@@ -18,6 +18,7 @@ from .forces.inflation import INFLATION
 from .graphs import Graphs, Options
 from .numbers import theta_layout
 from .robot import Robot
+from .sampled import Sensors
 
 if TYPE_CHECKING:
     from .discrete import DiscreteModel
@@ -221,22 +222,22 @@ class Model:
         return Bound(function, matrices=ports, name=name)
 
     def discrete(
-        self, step_s: float, *, method: str = "sdirk2", exact: bool = True
+        self, step_s: float, *, method: str = "sdirk2", exact: bool = True, sensors: Sensors = ()
     ) -> "DiscreteModel":
         """The model in steps of a fixed size, for estimators, controllers and C export.
 
         Args:
             step_s: step [s].
             method: a name of `dtcasadi.integrators.ONE_STEP`; the default is L-stable, order 2.
-            exact: whether `linearize` gives exact derivatives of the step, or the method's cheaper
-                form (see its `sensitivity`).
+            exact: exact derivatives in `linearize`, or the method's cheaper form.
+            sensors: what is measured, values of `dtcasadi.sensors`.
 
         Raises:
-            ModelError: an unknown method, or a step that is not positive.
+            ModelError: an unknown method, a step that is not positive, or an unusable sensor.
         """
         from .discrete import discretize
 
-        return discretize(self, step_s, method, exact=exact)
+        return discretize(self, step_s, method, exact=exact, sensors=sensors)
 
     def plain(self, name: str) -> ca.Function:
         """The Function without a derivative of its own.
