@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 # Name of each format -> the module that writes it.
-FORMATS = {"c": "c"}
+FORMATS = {"c": "c", "text": "text", "python": "numpy_module"}
 # Field of Settings -> the module whose files are added to those of format c.
 BESIDE = {"simd": "simd"}
 
@@ -79,7 +79,13 @@ def export_c(
     export = functions_or_model
     if not isinstance(export, Export):
         export = described(
-            export, name=name, functions=functions, method=method, step_s=step_s, single=single
+            export,
+            name=name,
+            functions=functions,
+            method=method,
+            step_s=step_s,
+            single=single,
+            calls=format != "c",
         )
     settings = Settings(single=single, simd=simd)
     modules = [

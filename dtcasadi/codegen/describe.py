@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -58,6 +59,7 @@ def described(
     method: str | None = None,
     step_s: float | None = None,
     single: bool = False,
+    calls: bool = False,
 ) -> Export:
     """The description of what is to be exported.
 
@@ -71,6 +73,7 @@ def described(
             a fixed step, else `STEP_METHOD`.
         step_s: their step [s]; default: the scene's, else `STEP_S`.
         single: what is described will run in single precision.
+        calls: a model's Functions as calls of per-segment ones, whose structure texts show.
 
     Raises:
         ModelError: a name that C cannot take or that is used twice, an unknown function or method,
@@ -89,6 +92,8 @@ def described(
     if not isinstance(model, Model):
         expected = "a Model, a Scene or a mapping of names to casadi Functions"
         raise ModelError(f"functions_or_model: expected {expected}, got {shown(given)}")
+    if calls and model.options.assembly != "graph":
+        model = Model(model.robot, replace(model.options, assembly="graph"))
     names = tuple(functions) or _default(model)
     # Building the step takes longer than everything else.
     stepped = not {"step", "linearize"}.isdisjoint(names)
