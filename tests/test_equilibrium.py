@@ -20,7 +20,7 @@ from dtcasadi.presets import rim
 from dtcasadi.robot import Damping, Disc, Robot, Spring, Thread
 from dtcasadi.statics import stability
 from dtcasadi.statics.loads import LoadPath
-from dtcasadi.statics.search import Mode, search_of
+from dtcasadi.statics.search import Mode, Search, search_of
 
 
 @cache
@@ -160,6 +160,60 @@ def test_charts_recentre_on_the_way():
     assert found.thread_tension == pytest.approx(np.array([1.2, 0.7, 0.4]) * G, rel=1e-9)
     again = dtc.equilibrium(sideways(), guess=found)
     np.testing.assert_allclose(again.poses[1], found.poses[1], atol=1e-9)
+
+
+def test_a_pose_that_the_chart_cannot_hold():
+    """Without pressure the paper's robot hangs where its own chart is singular."""
+    model = scene_model(DOWN, chart="paper")
+    found = dtc.equilibrium(model, 0.0)
+    assert not found.success and found.status == "singular chart" and np.all(np.isnan(found.q))
+    assert "at a singularity of chart paper" in found.message and "cardan" in found.message
+    # Lifted, it is held well by the same chart, and rests where it does in the other.
+    lifted = dtc.equilibrium(model, 12.0)
+    other = dtc.equilibrium(scene_model(DOWN), 12.0)
+    np.testing.assert_allclose(lifted.poses[1], other.poses[1], atol=1e-12)
+
+
+def uncompiled(robot: Robot) -> dtc.Model:
+    """A model whose equilibria are searched by the twin, with nothing to compile."""
+    model = dtc.build(robot)
+    model.once("search", lambda: Search(model, (), None))
+    return model
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_balance_is_that_of_inverse_dynamics(seed):
+    """Random robots in space: what is found balances in another recursion, and K is its slope."""
+    model = uncompiled(random_robot(np.random.default_rng(seed), 3))
+    found = dtc.equilibrium(model, 0.3)
+    assert found.success, found.message
+    still, step = np.zeros(model.n_q), 1e-6
+
+    def needed(q: np.ndarray) -> np.ndarray:
+        return np.array(
+            model.inverse_dynamics(q, still, still, found.pressure, found.theta)
+        ).ravel()
+
+    assert np.max(np.abs(needed(found.q))) < 1e-11 * found.load
+    assert found.stability is not None
+    slopes = [
+        (needed(found.q + step * e) - needed(found.q - step * e)) / (2 * step)
+        for e in np.eye(model.n_q)
+    ]
+    K = found.stability.K
+    # Central differences: step^2 of the third derivative and round-off / step.
+    np.testing.assert_allclose(np.column_stack(slopes), K, atol=1e-7 * np.max(np.abs(K)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stable_equilibrium_without_pressure_is_a_minimum_of_the_potential(seed):
+    rng = np.random.default_rng(seed)
+    model = uncompiled(random_robot(rng, 3))
+    found = dtc.equilibrium(model)
+    assert found.kind in ("stable", "neutral"), found.message
+    lowest = float(model.potential_energy(found.q, found.theta))
+    for push in 1e-3 * rng.normal(size=(40, model.n_q)):
+        assert float(model.potential_energy(found.q + push, found.theta)) > lowest
 
 
 def test_parallel_springs_leave_three_floppy_modes():

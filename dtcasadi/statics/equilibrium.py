@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..errors import StaticsError
 from ..model import Model
+from ..recentring import chart_limit
 from .continuation import Tracer
 from .following import follow
 from .loads import LoadPath, load_error, ramped
@@ -25,6 +26,7 @@ _WORDS = {
     Why.MOST: "too many iterations",
     Why.STUCK: "stuck",
     Why.NOT_FINITE: "not finite",
+    Why.SINGULAR: "singular chart",
 }
 
 
@@ -59,7 +61,7 @@ class Equilibrium:
         pressure: chamber pressures, shape (n_u,) [Pa].
         tau: generalized forces applied, shape (n_q,) [N m].
         success: whether q is an equilibrium. Its residual has been checked.
-        status: `found`, `too many iterations`, `stuck` or `not finite`.
+        status: `found`, `too many iterations`, `stuck`, `not finite` or `singular chart`.
         message: one sentence.
         residual: largest generalized force that is not balanced, at the last pose tried [N m].
         load: largest sum of absolute parts of a generalized force there [N m]: what the residual
@@ -130,8 +132,9 @@ def equilibrium(
 
     Without a guess the robot is let go at its rest pose and followed, without inertia, to where it
     stays; a pose that gives way (divergence) is left by a nudge along its mode. With a guess, the
-    equilibrium next to it is found, stable or not. Charts that can re-centre do so on the way, so
-    that no pose is singular. See `dtcasadi.statics.search` for the method.
+    equilibrium next to it is found, stable or not; if that fails the robot is let go there. Charts
+    that can re-centre do so on the way, so that no pose is singular. See `dtcasadi.statics.search`
+    for the method.
 
     Args:
         model: the model; its actuator has no part in this.
@@ -155,7 +158,7 @@ def equilibrium(
     hint = "try another guess"
     if guess is None:
         found, small = _settled(search, path, q, count)
-        if small is None:
+        if small is None and found.why is not Why.SINGULAR:
             found, small, hint = _approached(search, path, found, count)
     else:
         found = count(search.run(path, q, mode=Mode.NEAREST))
@@ -163,7 +166,9 @@ def equilibrium(
             found = count(search.run(path, q))
         small = stability_of(found)
     outcome = result(model, path, found, small, count, time.perf_counter() - start)
-    return outcome if small else replace(outcome, message=f"{outcome.message}; {hint}")
+    if found.why in (Why.FOUND, Why.SINGULAR):
+        return outcome
+    return replace(outcome, message=f"{outcome.message}; {hint}")
 
 
 class Counter:
@@ -272,7 +277,7 @@ def result(
         tau=tau,
         success=success,
         status=_WORDS[found.why],
-        message=_sentence(found, small),
+        message=_sentence(model, found, small),
         residual=found.residual,
         load=found.load,
         stability=small,
@@ -283,7 +288,11 @@ def result(
     )
 
 
-def _sentence(found: Found, small: Stability | None) -> str:
+def _sentence(model: Model, found: Found, small: Stability | None) -> str:
+    if found.why is Why.SINGULAR:
+        where = chart_limit(model, found.q)
+        hint = "try chart='cardan' with damping='physical'"
+        return f"no equilibrium found that the chart can hold: {where}; {hint}"
     balance = f"{found.residual:.1e} of {found.load:.3g} N m unbalanced"
     if small is None:
         reason = {

@@ -27,7 +27,7 @@ from ..bound import Bound
 from ..compile import load_library
 from ..kernels.recentring import absorbed
 from ..model import Model
-from ..recentring import LIMIT, off_centre
+from ..recentring import LIMIT, chart_limit, off_centre
 from .balance import balance, newton
 from .loads import LoadPath
 
@@ -48,6 +48,7 @@ class Why(IntEnum):
     MOST = 1
     STUCK = 2
     NOT_FINITE = 3
+    SINGULAR = 4
 
 
 class Mode(IntEnum):
@@ -137,6 +138,8 @@ class Search:
         values |= {"q": q, "normal": np.zeros(n) if normal is None else normal}
         search = self._twin if self.library is None else self._native
         why, out = search(state, values)
+        if why is Why.FOUND and chart_limit(self.model, out["q"]):
+            why = Why.SINGULAR  # rates and stability mean nothing there
         return Found(
             why=why,
             q=out["q"],
