@@ -216,8 +216,9 @@ def test_parameter_of_the_robot_and_charts_that_recentre():
     robot = Robot(discs, (Thread(0.3),) * 2, damping=Damping(0.1, 0.1, 0.1, 0.1), up=[0, 0, -1])
     model = dtc.build(robot, parameters=["up"])
     path = dtc.branch(model, "up[1]", 0.0, -4.0, points=20)
-    assert path.success
-    assert any(np.any(p.theta != model.theta0) for p in path.points)
+    assert path.success and path.s[-1] == -4.0 and np.all(np.diff(path.s) < 0)
+    frames = model.theta_blocks["frames"]
+    assert any(np.any(p.theta[frames] != model.theta0[frames]) for p in path.points)
     for s, point in zip(path.s, path.points, strict=True):
         down = np.array([-s, 0, 1]) / np.hypot(s, 1)
         np.testing.assert_allclose(point.poses[1][-1], 0.6 * down, atol=1e-9)
