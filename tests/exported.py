@@ -82,7 +82,7 @@ def everything() -> Everything:
     model = robot_model(2, wrenches=(2,))
     export = described(model, name="robot")
     exported = dtc.export_c(export, folder / "c")
-    return Everything(model, export, exported, built(exported, ["-O0"], folder))
+    return Everything(model, export, exported, built(exported, ["-O0", "-Wall", "-Werror"], folder))
 
 
 def built(exported: Exported, flags: Sequence[str], folder: Path) -> Path:

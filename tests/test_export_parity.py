@@ -21,10 +21,12 @@ LEVELS = {
     "-O3": ["-O3", "-march=native", "-ffp-contract=fast"],
     "-ffast-math": ["-O3", "-march=native", "-ffast-math"],
 }
-# Another order of operations, or fused ones, changes a result by round-off times the condition of
-# M, below 3e3 in the regular charts: 2e-16 * 3e3 = 6e-13. Fast math also reassociates sums and
-# divides by multiplying.
+# Another order of operations, or fused ones, changes a sum by round-off; fast math also
+# reassociates, and divides by multiplying.
 TOLERANCE = {"-O0": 1e-12, "-O3": 1e-12, "-ffast-math": 1e-9}
+# What solves with M multiplies round-off by its condition: below 2e3 up to four discs, which leaves
+# 1e-12; 3e4 with eight and 3e6 with 32, where no two solvers agree to 1e-12.
+SOLVED = ("forward_dynamics", "ode", "ode_jacobian", "step", "linearize")
 STEPPED = ("step", "linearize")
 DYNAMICS = tuple(name for name in DEFAULT if name not in (*STEPPED, "recentre"))
 
@@ -49,20 +51,29 @@ def assert_equal(chart: str, n_discs: int, names: tuple[str, ...], level: str, f
     compare(robot_model(n_discs, chart), functions, twins, TOLERANCE[level])
 
 
+def condition(model: dtc.Model) -> float:
+    """The largest one of M over some random states."""
+    n = 100
+    M = evaluated(model.mass_matrix, random_arguments(model, model.mass_matrix, n))[0]
+    return float(np.max(np.linalg.cond(M.reshape(n, model.n_q, model.n_q))))
+
+
 def compare(model: dtc.Model, functions: dict[str, Exposed], twins: dict, tolerance: float):
+    solved = max(tolerance, np.finfo(float).eps * condition(model))
     for name, twin in twins.items():
+        allowed = solved if name in SOLVED else tolerance
         arguments = random_arguments(model, functions[name].function, N_CALLS)
         expected = evaluated(functions[name].function, arguments)
         results = evaluated(twin, arguments)
         for port, got, wanted in zip(functions[name].outputs, results, expected, strict=True):
             error = difference(got, wanted)
-            assert error <= tolerance, f"{name} {port.name}: {error:.1e}"
+            assert error <= allowed, f"{name} {port.name}: {error:.1e}"
 
 
 @pytest.mark.parametrize(
     "chart, n_discs, names, level",
     [
-        ("cardan", 2, DYNAMICS, "-O3"),
+        ("cardan", 2, ("ode", "inverse_dynamics", "ode_jacobian"), "-O3"),
         # The hand-written C kernels enter from nine coordinates on.
         ("cardan", 3, ("ode_jacobian",), "-O0"),
         ("planar", 2, DYNAMICS, "-ffast-math"),

@@ -19,15 +19,11 @@ from .description import Export, Exposed, Port, Settings
 from .names import different, macro
 from .texts import comment, filled, maker, number
 
-# The product's own flags but those that name this machine or the kind of output; the level from
-# benchmarks/results/compile_size.md.
-FLAGS = (
-    "-O2",
-    *(
-        flag
-        for flag in DEFAULT_FLAGS
-        if flag not in ("-std=c99", "-O3", "-march=native", "-fPIC", "-shared")
-    ),
+# The product's own flags but those that name this machine or the kind of output. Above -O2, -O3
+# costs the compiler a tenth and gains a third where dense solves take part; elsewhere nothing
+# (benchmarks/results/compile_size.md).
+FLAGS = tuple(
+    flag for flag in DEFAULT_FLAGS if flag not in ("-std=c99", "-march=native", "-fPIC", "-shared")
 )
 _CALLED = """
     sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p pow sqrt
