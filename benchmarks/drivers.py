@@ -12,10 +12,12 @@ import numpy as np
 from harness import BenchmarkError, Case, c_compiler, run
 
 from dtcasadi.compile import DEFAULT_FLAGS, GENERATOR
+from dtcasadi.lanes import lanes_source
 
 HERE = Path(__file__).parent
 BASE = "-O3"
 NATIVE = "-O3 -march=native"
+FOUR_LANES = "-O3 -march=native -mno-avx512f"
 LIBRARY = "wheel's library"
 # The product's flags, for both sides; those for a shared library and the ones varied here aside.
 SHARED = ("-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")
@@ -95,6 +97,36 @@ def our_case(
     built = build_ours(function, flags, folder)
     command = (str(built.path), str(folder / "shared.bin"))
     return Case(label, command, np.hstack(inputs)), built
+
+
+def our_batch_case(
+    label: str,
+    function: ca.Function,
+    inputs: Sequence[np.ndarray],
+    shared: np.ndarray,
+    flags: str,
+    folder: Path,
+) -> Case:
+    """The same on SIMD lanes, all states in one call, which counts as a call for each.
+
+    The arguments of `our_case`; the Function has one result.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    shared.tofile(folder / "shared.bin")
+    name = function.name()
+    stem = f"{name}_batch_{flags.replace(' ', '').replace('=', '')}"
+    generator = ca.CodeGenerator(f"{name}_generated.c", GENERATOR)
+    generator.add(function)
+    source = folder / f"{stem}.cpp"
+    source.write_text(lanes_source(generator.dump(), {name: function}), encoding="utf-8")
+    program, lanes = folder / stem, source.with_suffix(".o")
+    options = [*flags.split(), *SHARED]
+    run(["g++", "-std=c++17", *options, "-c", str(source), "-o", str(lanes)], TIMEOUT_S)
+    rows = ",".join(str(function.numel_in(i)) for i in range(function.n_in()))
+    sizes = [f"-DFUNCTION={name}", f"-DROWS_IN={rows}", f"-DROWS_OUT={function.numel_out(0)}"]
+    driver = [c_compiler(), "-std=gnu99", *options, *sizes, str(HERE / "ours_batch.c")]
+    run([*driver, str(lanes), "-o", str(program), "-lm"], TIMEOUT_S)
+    return Case(label, (str(program), str(folder / "shared.bin")), np.hstack(inputs))
 
 
 def build_mujoco(folder: Path) -> Path:

@@ -185,12 +185,21 @@ def machine() -> dict[str, Any]:
     }
 
 
+def _processor_flags() -> set[str]:
+    try:
+        return set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split())
+    except OSError:
+        return set()
+
+
+def has_feature(name: str) -> bool:
+    """Whether the processor has a feature, such as AVX2."""
+    return any(_FEATURES.get(word) == name for word in _processor_flags())
+
+
 def _processor() -> str:
     """For instance `2-core x86-64 virtual machine with AVX-512`."""
-    try:
-        words = set(Path("/proc/cpuinfo").read_text(encoding="utf-8").split())
-    except OSError:
-        words = set()
+    words = _processor_flags()
     kind = "virtual machine" if "hypervisor" in words else "machine"
     features = [name for flag, name in _FEATURES.items() if flag in words][:1]
     text = f"{os.cpu_count()}-core {platform.machine().replace('_', '-')} {kind}"

@@ -146,6 +146,7 @@ def test_bench_dynamics(tmp_path, monkeypatch, capsys):
         ("ode", "graph", 3),
     ]
     assert [row["median_us"] is None for row in rows] == [False, True, False, False, True, False]
+    assert record["batch"]["lanes"] == 1 and "DTCASADI_CC=none" in record["batch"]["why"]
     assert all(row["operations"] > 100 and row["n_q"] == 5 * (row["n_discs"] - 1) for row in rows)
 
 

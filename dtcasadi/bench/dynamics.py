@@ -3,6 +3,9 @@
 import argparse
 import statistics
 import time
+import warnings
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,11 +23,13 @@ ASSEMBLIES = ("flat", "graph")
 FLAT_UP_TO, JACOBIAN_UP_TO = 8, 8
 REPEATS = 9
 _STATES = 64
+_ROBOTS = 4096
 _TIMING_S = 0.02
 _ROW = (
     "{function:13} {assembly:6} {n_discs:>4} {n_q:>4} {operations:>10} "
     "{compile_s:>10} {median_us:>10} {minimum_us:>11}"
 )
+_BATCH_ROW = "{n_discs:>4} {n_q:>4} {compile_s:>10} {median_us:>10} {minimum_us:>11}"
 _TITLES = {
     "function": "function",
     "assembly": "graph",
@@ -79,6 +84,42 @@ def run(options: argparse.Namespace, report: "Report") -> None:
             if n_discs <= options.jacobian_up_to:
                 limit = limit // 2 if assembly == "flat" else limit
                 _row(report, model, "ode_jacobian", assembly, n_discs <= limit)
+
+    _batches(options, report)
+
+
+def _batches(options: argparse.Namespace, report: "Report") -> None:
+    """Time per robot of `dtcasadi.batch`, all in one call from Python."""
+    from ..batch import OneByOneWarning, batch
+    from ..model import build
+
+    report.section("batch", "the same for many robots in one call, time per robot")
+    for n_discs in sorted(n for n in set(options.sizes) if n <= options.flat_up_to):
+        model = build(seed_robot(n_discs), assembly="flat")
+        start = time.perf_counter()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OneByOneWarning)
+            many = batch(model)
+        seconds = time.perf_counter() - start
+        report.note(lanes=many.lanes, robots=_ROBOTS, why=many.why or None)
+        if many.lanes == 1:
+            print(f"  one robot at a time: {many.why}")
+            return
+        if n_discs == min(options.sizes):
+            print(f"  {many.lanes} at a time, {_ROBOTS} in a call")
+            print("  " + _BATCH_ROW.format(**_TITLES))
+        columns = _columns(many.function, model.theta0, _ROBOTS)
+        columns[many.function.name_in().index("theta")] = model.theta0
+        times = _repeated(partial(many, *columns), _ROBOTS)
+        report.row(
+            "timings",
+            _BATCH_ROW,
+            n_discs=n_discs,
+            n_q=model.n_q,
+            compile_s=seconds,
+            median_us=statistics.median(times),
+            minimum_us=min(times),
+        )
 
 
 def seed_robot(n_discs: int) -> "Robot":
@@ -148,15 +189,20 @@ def time_per_call(function: "ca.Function", theta: np.ndarray) -> tuple[float, fl
         function: with ports x, u, theta, compiled or not.
         theta: the parameters, the same in every call.
     """
-    rng = np.random.default_rng(0)
-    columns = {
-        "x": rng.uniform(-0.5, 0.5, (function.size1_in("x"), _STATES)),
-        "u": rng.uniform(0.0, 12.0, (function.size1_in("u"), _STATES)),
-        "theta": np.repeat(theta[:, np.newaxis], _STATES, axis=1),
-    }
-    times = _timings(function, [columns[port] for port in function.name_in()])
+    times = _timings(function, _columns(function, theta, _STATES))
     overhead = _overhead()
     return max(statistics.median(times) - overhead, 0.0), max(min(times) - overhead, 0.0)
+
+
+def _columns(function: "ca.Function", theta: np.ndarray, n: int) -> list[np.ndarray]:
+    """Arguments of n calls, a column each."""
+    rng = np.random.default_rng(0)
+    columns = {
+        "x": rng.uniform(-0.5, 0.5, (function.size1_in("x"), n)),
+        "u": rng.uniform(0.0, 12.0, (function.size1_in("u"), n)),
+        "theta": np.repeat(theta[:, np.newaxis], n, axis=1),
+    }
+    return [columns[port] for port in function.name_in()]
 
 
 def _overhead() -> float:
@@ -177,16 +223,21 @@ def _timings(function: "ca.Function", columns: list[np.ndarray]) -> list[float]:
     bound = Bound(function.map(_STATES))
     for buffer, values in zip(bound.inputs, columns, strict=True):
         buffer[...] = values.reshape(buffer.shape)
-    bound.run()
+    return _repeated(bound.run, _STATES)
+
+
+def _repeated(call: Callable[[], object], n: int) -> list[float]:
+    """Times of one of n evaluations that a call makes, one for each repeat [us]."""
+    call()
     start = time.perf_counter()
-    bound.run()
+    call()
     rounds = max(1, round(_TIMING_S / (time.perf_counter() - start)))
     times = []
     for _ in range(REPEATS):
         start = time.perf_counter()
         for _ in range(rounds):
-            bound.run()
-        times.append((time.perf_counter() - start) / (rounds * _STATES) * 1e6)
+            call()
+        times.append((time.perf_counter() - start) / (rounds * n) * 1e6)
     return times
 
 
