@@ -200,7 +200,12 @@ def test_the_same_start_in_the_default_chart_runs_through(rng):
 @pytest.mark.parametrize("damping", ["coordinate", *slow("physical")])
 @pytest.mark.parametrize("name", ["auto", "rk4", "DOP853", "Radau", "LSODA", *slow("radau5")])
 def test_a_singular_start_is_reported_with_its_reason(name, damping):
-    """Beta = 0 in the paper's chart: alpha and gamma turn about one axis."""
+    """Beta = 0 in the paper's chart: alpha and gamma turn about one axis.
+
+    With physical damping `auto` leaves the chart instead; see test_events.py.
+    """
+    if (name, damping) == ("auto", "physical"):
+        pytest.skip("it runs, in another chart")
     start = paper_start(beta_2=0.0)
     step = step_of(name, 1e-3)
     run = dtc.simulate(paper(damping), start, pressure=12.0, t_end=0.1, method=name, **step)

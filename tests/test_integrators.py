@@ -27,7 +27,7 @@ ESTIMATING = tuple(name for name, method in ONE_STEP.items() if method.error_ord
 # Every method that takes any step of a decaying mode, and damps the fastest ones at once.
 L_STABLE = ("ros1", "ros2", "ros3", "rodas4", "radau3", "radau5", "sdirk2")
 SYMPLECTIC = ("gauss2", "gauss4")
-# The order an error falls with, read off numbers: issue 3 allows 0.2.
+# The order an error falls with, read off numbers, is this close to the method's.
 SLOPE = 0.2
 
 
