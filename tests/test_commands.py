@@ -171,7 +171,7 @@ def fails(t: float) -> float:
     raise KeyError("valve")
 
 
-ONE = "pressure(0): expected 1 finite numbers, got"
+ONE = "pressure(0): expected a finite number, got"
 
 
 @pytest.mark.parametrize(
