@@ -60,3 +60,11 @@ class SimulationError(DtcasadiError, ValueError):
 
 class StaticsError(DtcasadiError, ValueError):
     """Statics was asked for what cannot be computed, or a result for what it does not have."""
+
+
+class EstimationError(DtcasadiError, ValueError):
+    """A filter was asked for what it cannot estimate, or given what it cannot use."""
+
+
+class LogError(DtcasadiError, ValueError):
+    """A recorded log is wrong; the text names file, line and channel."""

@@ -1,4 +1,6 @@
-"""State and parameter estimators on a discrete disc-thread model.
+"""State and parameter estimators on a discrete disc-thread model."""
 
-Nothing is here yet: Kalman filters on `DiscreteModel` are to come in a later release.
-"""
+from .base import Discrete, Estimate, ProcessNoise
+from .ekf import EKF
+
+__all__ = ["EKF", "Discrete", "Estimate", "ProcessNoise"]

@@ -1,0 +1,221 @@
+"""The extended Kalman filter of a discrete model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from dtcasadi import checks
+from dtcasadi.bound import Bound
+from dtcasadi.codegen import Exposed, exposed
+from dtcasadi.compile import twin
+
+from .base import Discrete, Estimate, ProcessNoise, refusal, symmetric
+from .steps import Pair, correction, prediction, setting
+
+# Without a gate every update is believed; a number, so that C can compare with it.
+_NO_LIMIT = 1e300
+
+
+class EKF:
+    r"""Extended Kalman filter for x and for any blocks of theta.
+
+    .. math:: z = (x; \theta_{augment}),\quad z' = f(z, u) + w,\quad y = h(z, u) + v
+
+    `predict` and `update` are pure functions of an `Estimate` (Simon, Optimal State Estimation,
+    sections 13.2 and 13.3.2); one object serves any number of runs, one thread at a time. C code
+    does the work, CasADi's virtual machine where there is no compiler.
+
+    Attributes:
+        discrete: the model.
+        start: the estimate at the beginning.
+        names: one name for each estimated number, shape (n_z,).
+    """
+
+    def __init__(
+        self,
+        discrete: Discrete,
+        *,
+        x0: Sequence[float] | np.ndarray,
+        P0: Sequence[float] | np.ndarray,
+        Q_w: ProcessNoise | Sequence[float] | np.ndarray,
+        augment: Sequence[str] = (),
+        gate: float | None = None,
+        iterations: int = 1,
+        theta: np.ndarray | None = None,
+    ):
+        """Check, and build what predicts.
+
+        Args:
+            discrete: the model with its sensors.
+            x0: states at the beginning, shape (n_x,).
+            P0: their covariance, or its diagonal; of x, or of x and the estimated entries of
+                theta, shape (n_z, n_z); given for x only, the others are known exactly.
+            Q_w: process noise: `ProcessNoise`, or its covariance in a step or the diagonal of
+                that, of x or of all n_z, in the coordinates of whatever centre is in force.
+            augment: blocks of theta to estimate besides x.
+            gate: chance that a good measurement is refused as an outlier, for example 1e-4; None:
+                every one is believed.
+            iterations: linearizations in an update; more than 1 is the iterated filter.
+            theta: parameters, the estimated ones at their first guess, shape (n_theta,); default:
+                the model's own.
+
+        Raises:
+            EstimationError: an argument cannot be used; the text says what was expected.
+        """
+        self.discrete = discrete
+        free = self._free(augment)
+        self.names = (*discrete.state_names, *self._theta_names(augment))
+        n_x, n_z = len(discrete.state_names), len(self.names)
+        theta = discrete.theta0 if theta is None else theta
+        self.start = Estimate(
+            x=checks.array("x0", x0, (n_x,), error=refusal),
+            P=_widened("P0", P0, n_x, n_z),
+            theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
+        )
+        self._limit = _NO_LIMIT if gate is None else checks.number("gate", gate, error=refusal)
+        if gate is not None and not 0 < self._limit < 1:
+            raise refusal("gate", "a chance between 0 and 1", gate)
+        self._gated = gate is not None
+        self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
+        noise = Q_w if isinstance(Q_w, ProcessNoise) else None
+        Q = self._constant(noise, augment) if noise else _widened("Q_w", Q_w, n_x, n_z)
+        self._setting = setting(discrete, free, Q, noise)
+        self._predict = prediction(self._setting)
+        self._bound: dict[Any, Bound] = {}
+        self._pairs: dict[tuple[str, ...], Pair] = {}
+
+    def predict(self, est: Estimate, u: Sequence[float] | np.ndarray) -> Estimate:
+        """The estimate a step later, under the command u; re-centred where a coordinate asks.
+
+        A step that fails leaves x, P and theta, and says so in `failure`.
+
+        Raises:
+            ModelError: an array of a wrong shape.
+        """
+        bound = self._compiled("predict", self._predict)
+        x, P, status = bound(est.x, est.P, u, est.theta)
+        if status[0] != 0 or not np.all(np.isfinite(np.diag(P))):
+            return est.replaced(failure="predict: the step gave a state that is not finite")
+        x, theta, T = self.discrete.recentre(x, est.theta)
+        if theta is est.theta or np.array_equal(theta, est.theta):
+            return est.replaced(x=x, P=P, failure="")
+        n = len(x)
+        P[:n] = T @ P[:n]
+        P[:, :n] = P[:, :n] @ T.T
+        P = (P + P.T) / 2
+        return est.replaced(x=x, P=P, theta=theta, failure="", recentred=est.recentred + 1)
+
+    def update(
+        self,
+        est: Estimate,
+        y: Sequence[float] | np.ndarray,
+        sensor: str | Sequence[str],
+        u: Sequence[float] | np.ndarray,
+    ) -> Estimate:
+        """The estimate with a measurement taken in.
+
+        Readings that are not finite numbers are left out and counted in `skipped`; a measurement
+        beyond the gate changes nothing and is counted in `gated`.
+
+        Args:
+            est: the estimate at the instant of the measurement.
+            y: readings, shape (n_y,).
+            sensor: what was read: a name, or several read at the same instant, their readings one
+                after the other.
+            u: command at the instant.
+
+        Raises:
+            ModelError: an unknown sensor, or an array of a wrong shape.
+        """
+        names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+        bound = self._compiled(names, self._correction(names))
+        x, P, theta, nis, used, believed = bound(est.x, est.P, u, est.theta, y)
+        skipped = est.skipped + len(np.atleast_1d(y)) - int(used[0])
+        counts = {"nis": float(nis[0]), "used": int(used[0]), "believed": bool(believed[0])}
+        if not (np.all(np.isfinite(x)) and np.all(np.isfinite(np.diag(P)))):
+            failure = f"update with {'+'.join(names)}: the result is not finite"
+            return est.replaced(skipped=skipped, failure=failure)
+        if not counts["believed"]:
+            return est.replaced(skipped=skipped, gated=est.gated + 1, failure="", **counts)
+        return est.replaced(x=x, P=P, theta=theta, skipped=skipped, failure="", **counts)
+
+    def functions(self, *sensors: str | Sequence[str]) -> dict[str, Exposed]:
+        """Prediction and updates for `dtcasadi.export_c`: predict, update_<sensor>.
+
+        Args:
+            sensors: names, or tuples of names read at the same instant (update_<a>_<b>); default:
+                each of the model's.
+        """
+        found = {"predict": exposed("predict", *self._predict, title="the estimate a step later")}
+        for sensor in sensors or tuple(self.discrete.sensors):
+            names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+            name, title = f"update_{'_'.join(names)}", f"the estimate with {' and '.join(names)}"
+            found[name] = exposed(name, *self._correction(names), title=title)
+        return found
+
+    def _correction(self, names: tuple[str, ...]) -> Pair:
+        if names not in self._pairs:
+            sensor = self.discrete.together(names)
+            limits = np.full(sensor.n_y + 1, _NO_LIMIT)
+            if self._gated:
+                limits[1:] = chi2.isf(self._limit, np.arange(1, sensor.n_y + 1))
+            what = (limits, self._iterations, f"update_{'_'.join(names)}")
+            self._pairs[names] = correction(self._setting, sensor, *what)
+        return self._pairs[names]
+
+    def _compiled(self, key: Any, pair: Pair) -> Bound:
+        if key not in self._bound:
+            function = twin(pair.plain, source=pair.native)
+            self._bound[key] = Bound(function, matrices={"P", "P_next"})
+        return self._bound[key]
+
+    def _free(self, augment: Sequence[str]) -> list[int]:
+        known = [name for name in self.discrete.theta_blocks if name != "frames"]
+        if isinstance(augment, str) or len(set(augment)) != len(tuple(augment)):
+            raise refusal("augment", "a list of different names", checks.shown(augment))
+        for name in augment:
+            if name not in known:
+                raise refusal("augment", f"names out of {', '.join(known) or 'none'}", repr(name))
+        blocks = [self.discrete.theta_blocks[name] for name in augment]
+        return [k for block in blocks for k in range(block.start, block.stop)]
+
+    def _theta_names(self, augment: Sequence[str]) -> list[str]:
+        blocks = [(name, self.discrete.theta_blocks[name]) for name in augment]
+        return [f"{name}[{k + 1}]" for name, b in blocks for k in range(b.stop - b.start)]
+
+    def _constant(self, noise: ProcessNoise, augment: Sequence[str]) -> np.ndarray:
+        """The share of physical process noise that does not depend on the state."""
+        n_x = len(self.discrete.state_names)
+        if (noise.force or noise.moment) and "wrench" not in self.discrete.theta_blocks:
+            expected = "a model built with wrenches=(...) for noise of forces on discs"
+            raise refusal("Q_w", expected, "one without")
+        for name in noise.walk:
+            if name not in augment:
+                raise refusal("Q_w.walk", "blocks named in augment", repr(name))
+        parts = [_spread("Q_w.state", noise.state, n_x)]
+        for name in augment:
+            block = self.discrete.theta_blocks[name]
+            size = block.stop - block.start
+            parts.append(_spread(f"Q_w.walk[{name!r}]", noise.walk.get(name, 0.0), size))
+        return np.diag(np.concatenate(parts) ** 2) * self.discrete.step_s
+
+
+def _spread(name: str, value: Any, n: int) -> np.ndarray:
+    """One number for all, or one for each."""
+    if np.ndim(value) == 0:
+        return np.full(n, checks.number(name, value, nonnegative=True, error=refusal))
+    return checks.array(name, value, (n,), error=refusal)
+
+
+def _widened(name: str, value: Any, n_x: int, n_z: int) -> np.ndarray:
+    """A covariance of all that is estimated, from one of x or of all."""
+    if isinstance(value, ProcessNoise):
+        raise refusal(name, "a matrix or its diagonal", "a ProcessNoise")
+    n = n_z if np.shape(value)[:1] == (n_z,) else n_x
+    P = np.zeros((n_z, n_z))
+    P[:n, :n] = symmetric(name, value, n, definite=False)
+    return P
