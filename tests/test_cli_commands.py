@@ -101,8 +101,10 @@ def test_doctor_names_what_is_there(tmp_path, capsys):
     assert cli.main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
     text, record = capsys.readouterr().out, read(tmp_path / "d.json")
     assert set(record) == {
-        *("schema", "command", "versions", "compiler", "cache", "programs", "plugins", "advice")
+        *("schema", "command", "versions", "compiler", "lanes", "cache"),
+        *("programs", "plugins", "advice"),
     }
+    assert (record["lanes"]["robots"] > 1) == (record["lanes"]["why"] is None)
     assert all(f"{k} {v}" in text for k, v in record["versions"].items() if k == "casadi")
     assert record["cache"]["folder"] in text
     assert all(advice in text for advice in record["advice"]["advice"])
@@ -114,6 +116,7 @@ def test_doctor_works_without_a_compiler(tmp_path, monkeypatch, capsys):
     assert cli.main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
     record = read(tmp_path / "d.json")
     assert record["compiler"] == {"path": None, "version": None, "flags": None, "seconds": None}
+    assert record["lanes"]["why"] == "compilation is switched off by DTCASADI_CC=none"
     assert any("DTCASADI_CC=none" in advice for advice in record["advice"]["advice"])
 
 

@@ -249,6 +249,7 @@ def functions_of_every_kind() -> dict[str, ca.Function]:
             [x, A, b],
             [
                 ca.solve(A + 3 * ca.MX.eye(3), b),
+                ca.jtimes(ca.solve(A + 3 * ca.MX.eye(3), x), x, x, True),  # transposed
                 ca.mtimes(A.T, b) + ca.dot(x, x) * b,
                 ca.vertcat(first, second, ca.norm_2(x), ca.mmax(x), ca.norm_inf(A)),
                 moved,
@@ -256,7 +257,7 @@ def functions_of_every_kind() -> dict[str, ca.Function]:
                 ca.diagcat(x, A[:, 1]),
             ],
             ["x", "A", "b"],
-            ["solved", "product", "mixed", "moved", "none", "joined"],
+            ["solved", "turned", "product", "mixed", "moved", "none", "joined"],
         ),
         "scalars": ca.Function(
             "scalars", [s, t], [ca.vertcat(*unary), ca.vertcat(*binary)], ["s", "t"], ["y", "y_1"]

@@ -8,6 +8,7 @@ import shutil
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,6 +39,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     advice: list[str] = []
     _versions(report)
     _compiler(report, advice)
+    _lanes(report, advice)
     _cache(report, advice)
     _programs(report, advice)
     _plugins(report, advice)
@@ -87,6 +89,36 @@ def _compiler(report: Report, advice: list[str]) -> None:
     except CompileError as error:
         report.line("does not work: {problem}", problem=str(error).splitlines()[0])
         advice.append("make the compiler work, or name another in DTCASADI_CC")
+
+
+def _lanes(report: Report, advice: list[str]) -> None:
+    """Whether `dtcasadi.batch` computes several robots at a time."""
+    import casadi as ca
+
+    from ..batch import batch
+    from ..compiler import CXX, find_compiler
+    from ..errors import CompileError
+
+    report.section("lanes", "many robots in one call (dtcasadi.batch)")
+    report.note(path=None, version=None, robots=1, why=None)
+    x = ca.SX.sym("x")
+    try:
+        compiler = find_compiler(CXX)
+        if compiler is not None:
+            line = "C++ compiler {path}: {version}"
+            report.line(line, path=" ".join(compiler.command), version=compiler.version)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            many = batch(ca.Function("doctor", [x], [ca.sin(x)]))
+    except CompileError as error:
+        report.line("does not work: {problem}", problem=str(error).splitlines()[0])
+        return
+    if many.why:
+        report.line("one after the other: {why}", why=many.why.splitlines()[0])
+        if many.why.startswith("no C++ compiler"):
+            advice.append("install g++ or clang++: dtcasadi.batch then runs on SIMD lanes")
+    else:
+        report.line("{robots} at a time", robots=many.lanes)
 
 
 def _compile_once(compiler: "Compiler", target: "Target") -> float:

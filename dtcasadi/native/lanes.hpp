@@ -56,8 +56,10 @@ DTC_ARITHMETIC(/)
 DTC_INLINE dtc_lanes operator+(dtc_lanes a) { return a; }
 DTC_INLINE dtc_lanes operator-(dtc_lanes a) { return dtc_lanes(-a.v); }
 
-#define DTC_COMPARISON(op) \
-  DTC_INLINE dtc_lanes operator op(dtc_lanes a, dtc_lanes b) { return dtc_lanes(a.v op b.v); }
+#define DTC_COMPARISON(op)                                         \
+  DTC_INLINE dtc_lanes operator op(dtc_lanes a, dtc_lanes b) { \
+    return dtc_lanes((dtc_mask)(a.v op b.v));                    \
+  }
 DTC_COMPARISON(<)
 DTC_COMPARISON(<=)
 DTC_COMPARISON(>)
