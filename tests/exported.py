@@ -90,7 +90,9 @@ def built(exported: Exported, flags: Sequence[str], folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     sources = [str(path) for path in exported.files if path.suffix == ".c" and path.stem != "main"]
     library = folder / f"lib{exported.name}{LIBRARY_SUFFIX}"
-    build_files(gcc(), ["-std=c99", *flags, "-fPIC", "-shared"], sources, library, 600.0)
+    # GCC's start files for -ffast-math would flush this whole process's small numbers to zero.
+    whole = ["-std=c99", *flags, "-fPIC", "-shared", "-nostartfiles"]
+    build_files(gcc(), whole, sources, library, 600.0)
     return library
 
 

@@ -103,14 +103,15 @@ def test_energy_has_no_trend_over_a_million_steps(chart, n, h):
     """gauss4 within 1e-8 of the energy turned over, at 90 (hinge) and 190 (planar) steps a period.
 
     Its error oscillates with amplitude C h^4; what round-off adds up to in 1e6 steps of 1e-16, at
-    worst 1e-10, bounds the trend. rk4's error at the same step is a trend and nothing else.
+    worst 1e-10, bounds the trend. rk4's error at the same step is a trend, which wanders a little
+    as the motion, chaotic in the plane, does.
     """
     model = dtc.build(conservative(n), chart=chart)
     errors = energies(model, "gauss4", h, 1_000_000)
     assert np.max(np.abs(errors)) < 1e-8
     assert abs(trend(errors)) < 1e-10
     lost = energies(model, "rk4", h, 1_000_000)
-    assert trend(lost) < -1e-6 and trend(lost) == pytest.approx(lost[-1], rel=0.1)
+    assert trend(lost) < -1e-6 and trend(lost) == pytest.approx(lost[-1], rel=0.3)
 
 
 def test_energy_of_the_midpoint_rule_has_no_trend_either():
