@@ -179,14 +179,8 @@ def two_discs() -> Robot:
     """The first segment of the paper's robot."""
     whole = seed_four_disc()
     springs = tuple(spring for spring in whole.springs if spring.discs == (1, 2))
-    chamber = dtc.Chamber((1, 2))
-    return replace(
-        whole,
-        discs=whole.discs[:2],
-        threads=whole.threads[:1],
-        springs=springs,
-        chambers=(chamber,),
-    )
+    parts = {"discs": whole.discs[:2], "threads": whole.threads[:1], "damping": whole.damping[:1]}
+    return replace(whole, **parts, springs=springs, chambers=(dtc.Chamber((1, 2)),))
 
 
 def test_auto_leaves_a_chart_only_where_the_physics_stay():
