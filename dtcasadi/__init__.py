@@ -1,6 +1,16 @@
 """Discs and threads: inflatable soft robots as recursive CasADi graphs."""
 
-from .actuators import Direct, Regulator
+from .actuators import (
+    Actuator,
+    Delay,
+    Direct,
+    Gas,
+    Hysteresis,
+    Orifice,
+    PressureValve,
+    Regulator,
+    Valve,
+)
 from .batch import Batch, batch
 from .charts import convert
 from .codegen import export_c
@@ -27,12 +37,14 @@ from .simulate import simulate
 from .statics import Branch, Equilibrium, branch, equilibrium
 
 __all__ = [
+    "Actuator",
     "Batch",
     "Branch",
     "Cell",
     "Chamber",
     "Couple",
     "Damping",
+    "Delay",
     "Direct",
     "Disc",
     "DiscreteModel",
@@ -42,9 +54,13 @@ __all__ = [
     "FabricBunching",
     "FollowerLoad",
     "Force",
+    "Gas",
+    "Hysteresis",
     "Model",
+    "Orifice",
     "Payload",
     "PointLoad",
+    "PressureValve",
     "PressureWarning",
     "Profile",
     "Regulator",
@@ -53,6 +69,7 @@ __all__ = [
     "Scene",
     "Spring",
     "Thread",
+    "Valve",
     "WallSpring",
     "batch",
     "branch",

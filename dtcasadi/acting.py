@@ -14,14 +14,14 @@ import casadi as ca
 from .forces.inflation import PressureOnVolume
 from .forces.protocol import Force, packed
 from .forces.slopes import span_slopes, world_slopes
-from .forces.span import Seen, span_energy, span_jacobian, span_volume, span_wrenches
+from .forces.span import Seen, span_breath, span_energy, span_jacobian, span_volume, span_wrenches
 from .forces.traits import Traits, traits
 from .forces.world import world_energy, world_jacobian, world_wrench
 from .kernels import kinematics as kin
 
 if TYPE_CHECKING:
     from .chain import Chain, Loads
-    from .kernels.kinematics import Segment
+    from .kernels.kinematics import Segment, Turning, Words
 
 ZERO, UNIT = ca.DM(3, 1), ca.DM.eye(3)
 
@@ -96,10 +96,7 @@ def act(
     for span in spans(forces):
         at = span.segments
         geometry = chain.words[at], tuple(segments[at])
-        relative = tuple(
-            chain.asm.call(kin.turning, words, seg, qdi, ZERO)
-            for words, seg, qdi in zip(*geometry, rates[at], strict=True)
-        )
+        relative = _relative(chain, *geometry, rates[at])
         parts = (packed(force) for force in span.forces)
         found = chain.asm.call(*between, *geometry, relative, span.seen, *parts)
         for held, wrench in zip(loads[span.first - 1 : span.last], found, strict=True):
@@ -111,6 +108,14 @@ def act(
         parts = (packed(force) for force in mine)
         loads[disc - 1].append(chain.asm.call(*outer, *states[disc], *parts))
     return loads
+
+
+def _relative(
+    chain: Chain, words: Sequence[Words], segments: Sequence[Segment], rates: Sequence[ca.SX]
+) -> tuple[Turning, ...]:
+    """How each segment turns relative to the disc before it."""
+    parts = zip(words, segments, rates, strict=True)
+    return tuple(chain.asm.call(kin.turning, *part, ZERO) for part in parts)
 
 
 def world_states(
@@ -156,6 +161,20 @@ def enclosed(chain: Chain, parts: Sequence[PressureOnVolume], segments: list[Seg
             span_volume, chain.words[i : i + 1], (segments[i],), packed(part)
         )
     return volume
+
+
+def breathing(
+    chain: Chain, parts: Sequence[PressureOnVolume], segments: list[Segment], qd: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """The same volume and its rate [m^3/s], of parts with unit pressure."""
+    volume, rate, rates = 0, 0, chain.split(qd)
+    for part in parts:
+        at = slice(part.discs[0] - 1, part.discs[0])
+        geometry = chain.words[at], tuple(segments[at])
+        relative = _relative(chain, *geometry, rates[at])
+        found = chain.asm.call(span_breath, *geometry, relative, packed(part))
+        volume, rate = volume + found[0], rate + found[1]
+    return volume, rate
 
 
 def span_derivatives(

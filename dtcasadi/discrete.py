@@ -32,7 +32,7 @@ class DiscreteModel:
 
     Attributes:
         step: Function x (n_x,), u (n_u,), theta (n_theta,) -> x_next (n_x,), status; status 0:
-            good, 1: not finite or not converged.
+            good, 1: not finite (the command included) or not converged.
         checked: Function x, u, theta -> x_next, status, error (n_x,), residual: also the method's
             embedded estimate of the step's error (zero without one), and the largest entry of the
             stage equations after the last Newton step [N m] (zero without an iteration).
@@ -144,6 +144,9 @@ def discretize(
         ModelError: an unknown method, or a step that is not positive.
     """
     step_s = checks.number("step_s", step_s, positive=True, error=_error)
+    if model.actuator.dead_time:
+        expected = "lags from 1 on for a model in steps, whose state has to hold the commands"
+        raise _error("delay.lags", f"{expected} on their way", 0)
     if method not in ONE_STEP:
         raise _error("method", f"one of {', '.join(ONE_STEP)}", repr(method))
     chosen = ONE_STEP[method]
@@ -194,7 +197,8 @@ def _functions(
     at = At(free.x, free.u, free.zeros(free.u.shape[0]), plant.kind(step_s), own)
     ports, names = [at.x, at.u, theta], ["x", "u", "theta"]
     step = method.step(plant, at)
-    good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= slack_max)
+    finite = ca.sumsqr(step.x_next) + ca.sumsqr(at.u) <= _HUGE
+    good = finite * (step.slack <= slack_max)
     parts = {"x_next": step.x_next, "status": 1 - good}
     plain = ca.Function("step", ports, list(parts.values()), names, list(parts))
     parts |= {"error": ca.densify(step.error), "residual": ca.densify(step.residual)}

@@ -35,6 +35,17 @@ class ProfileError(ModelError):
         return type(self), (self.field, self.expected, self.got)
 
 
+class ActuatorError(ModelError):
+    """An actuator's field is not usable; `owner` is the kind of actuator or part of one."""
+
+    def __init__(self, owner: str, field: str, expected: str, got: object):
+        self.owner, self.field, self.expected, self.got = owner, field, expected, got
+        super().__init__(f"{owner}.{field}: expected {expected}, got {got}")
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self.owner, self.field, self.expected, self.got)
+
+
 class ChartError(DtcasadiError, ValueError):
     """A chart is unknown, or cannot represent the pose or rate asked for."""
 

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from .acting import enclosed, stored
+from .actuation import actuated, closed, observed
 from .derivatives import Derivatives
 from .forces.inflation import pressures_on_volume
 from .graphs import Graphs
@@ -181,22 +182,38 @@ def _canonical_force_of(g: Graphs, qd: ca.SX) -> ca.SX:
 def ode(g: Graphs) -> ca.Function:
     """State equation."""
     q, qd, a = ca.vertsplit(g.x, [0, g.chain.n_q, 2 * g.chain.n_q, g.x.shape[0]])
-    pressure = g.options.actuator.pressure(a, g.u)
-    qdd = g.qdd_of(q, qd, pressure, None)
-    xdot = ca.vertcat(qd, qdd, g.options.actuator.rate(a, g.u))
+    pressure, rate = actuated(g, q, qd, a, g.u)
+    xdot = ca.vertcat(qd, g.qdd_of(q, qd, pressure, None), rate)
     return g.function("ode", ("x", "u", "theta"), xdot=xdot)
 
 
+def air(g: Graphs) -> ca.Function:
+    """What happens in the chambers."""
+    q, qd, a = ca.vertsplit(g.x, [0, g.chain.n_q, 2 * g.chain.n_q, g.x.shape[0]])
+    pressure, _ = actuated(g, q, qd, a, g.u)
+    signals, _ = observed(g, q, qd, a, g.u)
+    outputs = {"pressure": signals.pressure, "effective_pressure": pressure}
+    flows = {name: value for name, value in signals._asdict().items() if name != "pressure"}
+    return g.function("air", ("x", "u", "theta"), **outputs, **flows)
+
+
 def power(g: Graphs) -> ca.Function:
-    """Power supplied by pressure and forces without an energy, and power lost through rates."""
+    """Power supplied by pressure and forces without an energy, and lost; energy of the actuator."""
     chain = g.chain
     q, qd, a = ca.vertsplit(g.x, [0, chain.n_q, 2 * chain.n_q, g.x.shape[0]])
     segments = chain.segments(q)
-    everything = g.forces(g.options.actuator.pressure(a, g.u))
-    supplying = [force for force in everything if not force.stores()]
-    supplied = g.generalized(supplying, segments, g.still)
+    pressure, _ = actuated(g, q, qd, a, g.u)
+    _, accounts = observed(g, q, qd, a, g.u)
+    everything = g.forces(pressure)
+    # Air that is accounted for drives the robot by itself.
+    driving = g.forces(None if closed(g) else pressure)
+    supplied = g.generalized([f for f in driving if not f.stores()], segments, g.still)
     lost = g.lost(everything, segments, qd)
     if g.coordinate_damping is not None:
         lost = lost + g.coordinate_damping * qd
-    parts = {"supplied": ca.dot(qd, supplied), "dissipated": ca.dot(qd, lost)}
+    parts = {
+        "supplied": ca.dot(qd, supplied) + accounts.supplied,
+        "dissipated": ca.dot(qd, lost) + accounts.dissipated,
+        "stored": accounts.stored,
+    }
     return g.function("power", ("x", "u", "theta"), **parts)

@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from .acting import act
+from .actuation import rest_volume
 from .actuators import Actuator
 from .assemble import Flat, Graph
 from .chain import Chain, Motion, Wrench
@@ -150,6 +151,11 @@ class Graphs(Ports):
     def chambers(self) -> list[tuple[Chamber, ChamberNumbers]]:
         """The chambers with their numbers."""
         return list(zip(self.robot.chambers, self.chain.numbers.chambers, strict=True))
+
+    @cached_property
+    def rest_volume(self) -> ca.DM:
+        """Volume of each chamber at q = 0 with the robot's own numbers [m^3]."""
+        return rest_volume(self, self.layout.values)
 
     def forces(self, pressure: ca.SX | None) -> list[Force]:
         """All forces that give wrenches; without a pressure those of the chambers left out."""

@@ -23,9 +23,10 @@ def energy_balance(
 ) -> dict[str, np.ndarray]:
     """Energies and the balance residual at some of the steps.
 
-    residual = (T + V) - (T + V)(0) - supplied + dissipated, the powers integrated over every step
-    by three Gauss nodes on the method's own interpolant. It is zero for exact motion with full
-    velocity terms; with others it shows what they leave out.
+    residual = (T + V + S) - (T + V + S)(0) - supplied + dissipated with the energy S stored in the
+    actuator (compressed air, walls), the powers integrated over every step by three Gauss nodes on
+    the method's own interpolant. It is zero for exact motion with full velocity terms; with others
+    it shows what they leave out.
 
     Args:
         model: the model.
@@ -34,7 +35,7 @@ def energy_balance(
         at: indices of the steps to report.
 
     Returns:
-        t, kinetic, potential, supplied, dissipated, residual, shape (len(at),) each [s, J].
+        t, kinetic, potential, stored, supplied, dissipated, residual, shape (len(at),) each [s, J].
     """
     n = model.n_q
     power = Bound(twin(model.power))
@@ -53,11 +54,13 @@ def energy_balance(
     x, thetas = trajectory.x[:, at], thetas[:, at]
     kinetic = np.array(model.kinetic_energy(x[:n], x[n : 2 * n], thetas)).ravel()
     potential = np.array(model.potential_energy(x[:n], thetas)).ravel()
-    total = kinetic + potential
+    stored = np.array(model.power(x, np.zeros((model.n_u, len(at))), thetas)[2]).ravel()
+    total = kinetic + potential + stored
     return {
         "t": trajectory.t[at],
         "kinetic": kinetic,
         "potential": potential,
+        "stored": stored,
         "supplied": supplied[at],
         "dissipated": dissipated[at],
         "residual": total - total[0] - supplied[at] + dissipated[at],
@@ -81,8 +84,9 @@ def conditions(model: Model, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
 
 def imbalance(energy: dict[str, np.ndarray]) -> float:
     """Largest residual of the balance relative to the energy in motion or turned over."""
-    total = energy["kinetic"] + energy["potential"]
-    turned = max(float(np.ptp(energy[name])) for name in ("potential", "supplied", "dissipated"))
+    total = energy["kinetic"] + energy["potential"] + energy["stored"]
+    kinds = ("potential", "stored", "supplied", "dissipated")
+    turned = max(float(np.ptp(energy[name])) for name in kinds)
     # A free disc turns nothing over: what it moves with is the scale, not its own drift. At rest
     # there is only what the tolerances let through, small beside the energy there is.
     turned = max(turned, float(np.max(energy["kinetic"])), 1e-6 * float(np.max(np.abs(total))))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from .actuation import Actuation
 from .derivatives import Derivatives
 from .graphs import OPTIONS, Graphs
 from .linear import solve_spd
@@ -19,7 +20,7 @@ class ImplicitForm(NamedTuple):
 
     With z the actuator states and xi = (a; zdot) the highest derivatives,
 
-        residual = (inverse dynamics tau(q, v, a, pressure(z, u)); zdot - rate(z, u)),
+        residual = (inverse dynamics tau(q, v, a, pressure(q, v, z, u)); zdot - rate(q, v, z, u)),
 
     and `jacobian` gives d residual/d xi = M, d/d(v; z) = D, d/d(q; -) = K, shape (m, m) each with
     m = n_q + n_z (columns of z in K are zero), d/d u = U, shape (m, n_u), and T, shape
@@ -34,7 +35,7 @@ class ImplicitForm(NamedTuple):
 
 def implicit_form(g: Graphs) -> ImplicitForm:
     """The implicit form of a model's state equation and its derivatives by recursion."""
-    n, actuator = g.chain.n_q, g.options.actuator
+    n, actuation = g.chain.n_q, Actuation.of(g)
     n_z, n_u = g.x.shape[0] - 2 * n, g.u.shape[0]
     sizes = (n, n, n_z, n, n_z, n_u, g.theta.shape[0])
     names = ("q", "v", "z", "a", "zdot", "u", "theta")
@@ -42,7 +43,8 @@ def implicit_form(g: Graphs) -> ImplicitForm:
     q, v, z, a, zdot, u, theta = ports
     tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
     inner = ca.Function("tau", [g.q, g.qd, g.qdd, g.pressure, g.theta], [tau], OPTIONS)
-    balance = ca.vertcat(inner(q, v, a, actuator.pressure(z, u), theta), zdot - actuator.rate(z, u))
+    pressure, rate = actuation.values(q, v, z, u, theta)
+    balance = ca.vertcat(inner(q, v, a, pressure, theta), zdot - rate)
     residual = ca.Function(
         "implicit_residual", ports, [balance], list(names), ["residual"], OPTIONS
     )
@@ -50,20 +52,22 @@ def implicit_form(g: Graphs) -> ImplicitForm:
     kind = ca.SX if g.inlined else ca.MX
     ports = [kind.sym(name, size) for name, size in zip(names, sizes, strict=True)]
     q, v, z, a, zdot, u, theta = ports
-    pressure = actuator.pressure(z, u)
+    at = (q, v, z, u, theta)
+    pressure, _ = actuation.values(*at)
     M, dq, dqd, columns = _rigid_part(g)(q, v, a, pressure, theta)
     pair_q, pair_qd = _between_part(g)(q, v, pressure, theta)
-    rate_z, rate_u, pressure_z, pressure_u = _actuator_jacobian(g, z, u)
-    side, corner = kind(n, n_z), kind(n_z, n)
+    slopes = actuation.slopes(*at)
+    by_q, by_v, by_z, by_u = (-ca.mtimes(columns, slope) for slope in slopes[:4])
+    rate_q, rate_v, rate_z, rate_u = (-slope for slope in slopes[4:])
+    by_theta, rate_theta = (-part for part in actuation.by_theta(*at))
+    by_theta = _free_theta_part(g)(q, v, a, pressure, theta) + ca.mtimes(columns, by_theta)
+    empty = kind(n + n_z, n_z)
     blocks = {
         "M": ca.diagcat(M, kind.eye(n_z)),
-        "D": ca.blockcat([[dqd + pair_qd, -ca.mtimes(columns, pressure_z)], [corner, -rate_z]]),
-        "K": ca.blockcat([[dq + pair_q, side], [corner, kind(n_z, n_z)]]),
-        "U": ca.vertcat(-ca.mtimes(columns, pressure_u), -rate_u),
-        "T": ca.vertcat(
-            _free_theta_part(g)(q, v, a, pressure, theta),
-            kind(n_z, theta.shape[0] - g.n_frames),
-        ),
+        "D": ca.blockcat([[dqd + pair_qd + by_v, by_z], [rate_v, rate_z]]),
+        "K": ca.horzcat(ca.vertcat(dq + pair_q + by_q, rate_q), empty),
+        "U": ca.vertcat(by_u, rate_u),
+        "T": ca.vertcat(by_theta, rate_theta),
     }
     values = [ca.densify(block) for block in blocks.values()]
     jacobian = ca.Function("implicit_jacobian", ports, values, list(names), list(blocks), OPTIONS)
@@ -158,14 +162,19 @@ def with_jacobian(plain: ca.Function, blocks: ca.Function, g: Graphs) -> ca.Func
         rows = ca.MX(plain.size1_out(0), n_theta)
     elif plain.name() == "ode":
         x, u, theta = symbols
-        n, actuator = g.chain.n_q, g.options.actuator
-        q, qd, a = ca.vertsplit(x, [0, n, 2 * n, x.shape[0]])
-        qdd = ca.vertsplit(value, [0, n, 2 * n, x.shape[0]])[1]
-        rows = _theta_jacobian(g)(q, qd, qdd, actuator.pressure(a, u), theta)
-        rows = ca.vertcat(ca.MX(n, n_theta), rows, ca.MX(a.shape[0], n_theta))
+        n, actuation = g.chain.n_q, Actuation.of(g)
+        sizes = [0, n, 2 * n, x.shape[0]]
+        q, qd, z = ca.vertsplit(x, sizes)
+        qdd = ca.vertsplit(value, sizes)[1]
+        at = (q, qd, z, u, theta)
+        pressures, rates = actuation.by_theta(*at)
+        rows = _theta_jacobian(g)(q, qd, qdd, actuation.values(*at)[0], theta, pressures)
+        rates = ca.horzcat(ca.MX(z.shape[0], g.n_frames), rates)
+        rows = ca.vertcat(ca.MX(n, n_theta), rows, rates)
     else:
         q, qd, pressure, _, theta = symbols
-        rows = _theta_jacobian(g)(q, qd, value, pressure, theta)
+        held = ca.MX(pressure.shape[0], n_theta - g.n_frames)
+        rows = _theta_jacobian(g)(q, qd, value, pressure, theta, held)
     unused = ca.MX.sym(f"out_{out}", *plain.size_out(0))
     jacobian = ca.Function(
         f"jac_{plain.name()}",
@@ -180,47 +189,43 @@ def with_jacobian(plain: ca.Function, blocks: ca.Function, g: Graphs) -> ca.Func
 
 
 def _theta_jacobian(g: Graphs) -> ca.Function:
-    """Derivative for theta but `frames`, -M^-1 d tau/d theta, at (q, qd, qdd, pressure, theta)."""
-    still = g.chain.asm.expression(g.chain.n_q, 1)
-    mass = Derivatives(g, g.q, still, still, None).mass_matrix()
+    """Derivative for theta but `frames`, -M^-1 d tau/d theta, at (q, qd, qdd, pressure, theta).
+
+    The last port is the derivative of the pressure, shape (n_u, n_theta - n_frames).
+    """
+    parts = Derivatives(g, g.q, g.still, g.still, g.pressure)
     ports = [g.q, g.qd, g.qdd, g.pressure, g.theta]
-    masses = ca.Function("masses", [g.q, g.theta], [mass], OPTIONS)
+    matrices = [parts.mass_matrix(), parts.inflation_columns()]
+    matrices_of = ca.Function("matrices", [g.q, g.pressure, g.theta], matrices, OPTIONS)
     symbols = [ca.MX.sym(f"a{i}", port.shape[0]) for i, port in enumerate(ports)]
-    by_theta = _free_theta_part(g)(*symbols)
-    solution = solve_spd(masses(symbols[0], symbols[4]), -by_theta, native=False)
-    solution = ca.horzcat(ca.MX(g.chain.n_q, g.n_frames), solution)
-    return ca.Function("theta_jacobian", symbols, [solution])
+    pressures = ca.MX.sym("pressures", g.u.shape[0], g.theta.shape[0] - g.n_frames)
+    mass, columns = matrices_of(symbols[0], *symbols[3:])
+    push = ca.mtimes(columns, pressures) - _free_theta_part(g)(*symbols)
+    solution = ca.horzcat(ca.MX(g.chain.n_q, g.n_frames), solve_spd(mass, push, native=False))
+    return ca.Function("theta_jacobian", [*symbols, pressures], [solution])
 
 
 def ode_jacobian(g: Graphs) -> ca.Function:
     """State equation with its Jacobians."""
     x, u = g.top("x"), g.top("u")
-    n, actuator = g.chain.n_q, g.options.actuator
-    q, qd, a = ca.vertsplit(x, [0, n, 2 * n, x.shape[0]])
-    pressure = actuator.pressure(a, u)
+    n, actuation = g.chain.n_q, Actuation.of(g)
+    q, qd, z = ca.vertsplit(x, [0, n, 2 * n, x.shape[0]])
+    at = (q, qd, z, u, g.top("theta"))
+    pressure, rate = actuation.values(*at)
     qdd = _acceleration(g, q, qd, pressure, None)
     dq, dqd, dp = _acceleration_jacobian(g, q, qd, pressure, qdd, with_tau=False)
-    rate_a, rate_u, pressure_a, pressure_u = _actuator_jacobian(g, a, u)
+    slopes = actuation.slopes(*at)
+    by_q, by_v, by_z, by_u = (ca.mtimes(dp, slope) for slope in slopes[:4])
     zero = type(x)
-    n_a, n_u = a.shape[0], u.shape[0]
     F_x = ca.vertcat(
-        ca.horzcat(zero(n, n), zero.eye(n), zero(n, n_a)),
-        ca.horzcat(dq, dqd, ca.mtimes(dp, pressure_a)),
-        ca.horzcat(zero(n_a, 2 * n), rate_a),
+        ca.horzcat(zero(n, n), zero.eye(n), zero(n, z.shape[0])),
+        ca.horzcat(dq + by_q, dqd + by_v, by_z),
+        ca.horzcat(*slopes[4:7]),
     )
-    F_u = ca.vertcat(zero(n, n_u), ca.mtimes(dp, pressure_u), rate_u)
-    xdot = ca.vertcat(qd, qdd, actuator.rate(a, u))
+    F_u = ca.vertcat(zero(n, u.shape[0]), by_u, slopes[7])
+    xdot = ca.vertcat(qd, qdd, rate)
     ports = ("x", "u", "theta")
     return g.top_function("ode_jacobian", ports, xdot=xdot, F_x=F_x, F_u=F_u)
-
-
-def _actuator_jacobian(g: Graphs, a: ca.SX, u: ca.SX) -> list[ca.SX]:
-    """Derivatives of the actuator's rate and pressure for its states and commands."""
-    actuator = g.options.actuator
-    local, command = ca.SX.sym("a", a.shape[0]), ca.SX.sym("u", u.shape[0])
-    parts = (actuator.rate(local, command), actuator.pressure(local, command))
-    blocks = [ca.jacobian(part, by) for part in parts for by in (local, command)]
-    return ca.Function("actuator_jacobian", [local, command], blocks).call([a, u])
 
 
 def _acceleration_jacobian(

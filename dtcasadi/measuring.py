@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import casadi as ca
 import numpy as np
 
+from .actuation import measured_pressure
 from .errors import ModelError
 from .graphs import OPTIONS, Graphs
 from .integrators.step import At, Plant, first_order
@@ -136,25 +137,18 @@ def _at_state(
 ) -> tuple[ca.MX, tuple[ca.MX, ca.MX]]:
     """Values, and derivatives for x and for theta behind `frames`."""
     q, qd, z = ca.vertsplit(at.x, plant.sizes)
-    n, n_z = plant.form.n_q, plant.form.n_z
-    pressure, by_z = _pressure(g, plant, z, at.u)
+    n = plant.form.n_q
+    pressure, p_q, p_v, p_z, p_theta = measured_pressure(g)(q, qd, z, at.u, at.theta)
     feels = reading.nnz_out(3) > 0
     qdd = plant.ode(at.x, at.u, at.theta)[n : 2 * n] if feels else at.zeros(n)
     y, by_q, by_v, by_a, by_p, by_theta = reading(q, qd, qdd, pressure, at.theta)
-    H_x = ca.horzcat(by_q, by_v, ca.mtimes(by_p, by_z) if n_z else at.zeros(y.shape[0], 0))
+    p_q, p_v, p_z, p_theta = (ca.mtimes(by_p, slope) for slope in (p_q, p_v, p_z, p_theta))
+    H_x, by_theta = ca.horzcat(by_q + p_q, by_v + p_v, p_z), by_theta + p_theta
     if feels:
         F_x, rest = first_order(plant, at)
         H_x = H_x + ca.mtimes(by_a, F_x[n : 2 * n, :])
         by_theta = by_theta + ca.mtimes(by_a, rest[n:, at.u.shape[0] :][:n, :])
     return y, (H_x, by_theta)
-
-
-def _pressure(g: Graphs, plant: Plant, z: ca.MX, u: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Chamber pressures and their derivative for the actuator's states."""
-    state, command = ca.SX.sym("z", z.shape[0]), ca.SX.sym("u", u.shape[0])
-    value = ca.SX(g.options.actuator.pressure(state, command))
-    function = ca.Function("pressure", [state, command], [value, ca.jacobian(value, state)])
-    return function(z, u)
 
 
 def _biases(

@@ -50,6 +50,7 @@ _BUILDERS = {
         "lagrangian_gradient",
         "canonical_ode",
         "ode",
+        "air",
         "power",
     )
 } | {
@@ -118,7 +119,8 @@ class Model:
     lagrangian_gradient = _Graph("dL/dq (q, qd, theta) at fixed qd, shape (n_q,) [N m], eq (7).")
     canonical_ode = _Graph("Eq (7): qd and pd (q, p, pressure, tau, theta).")
     ode = _Graph("State equation xdot (x, u, theta), shape (n_x,).")
-    power = _Graph("supplied (pressure, forces without energy), dissipated (x, u, theta) [W].")
+    air = _Graph("Chambers (x, u, theta): pressure, effective_pressure [Pa], flows [kg/s].")
+    power = _Graph("supplied, dissipated [W], stored by the actuator [J] (x, u, theta).")
     ode_jacobian = _Graph("xdot, F_x, F_u (x, u, theta) of the state equation, exact.")
     inverse_dynamics_jacobian = _Graph("d tau/d q and d tau/d qd (q, qd, qdd, pressure, theta).")
     forward_dynamics_jacobian = _Graph("qdd and its derivatives (q, qd, pressure, tau, theta).")
@@ -126,7 +128,8 @@ class Model:
     def __init__(self, robot: Robot, options: Options):
         self.robot, self.options = robot, options
         frames = _recentring_segments(options)
-        theta = theta_layout(robot, frames, options.wrenches, options.parameters)
+        free = options.wrenches, options.parameters
+        theta = theta_layout(robot, options.actuator, frames, *free)
         self.theta0, self.theta_blocks = theta.values, dict(theta.blocks)
         self.n_q = sum(chart.words.n_q for chart in options.charts)
         self.n_u = len(robot.chambers)
@@ -184,12 +187,6 @@ class Model:
             ModelError: wrong shapes, or a state to re-centre that is not finite.
         """
         return recentring.recentre(self, x, theta)
-
-    def pressure_of(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Chamber pressures at states (n_x, n) and commands (n_u, n), shape (n_u, n) [Pa]."""
-        z, command = ca.SX.sym("z", self.n_x - 2 * self.n_q), ca.SX.sym("u", self.n_u)
-        pressure = ca.Function("pressure", [z, command], [self.actuator.pressure(z, command)])
-        return np.array(pressure(x[2 * self.n_q :], u)).reshape(self.n_u, u.shape[1])
 
     def function(self, name: str) -> ca.Function:
         """The symbolic Function of a name.
@@ -300,7 +297,8 @@ def build(
         inflation: `last_disc` (III-C: a chamber's pressure on its last disc, its reaction on the
             first) or `volume` (pressure * dV/dq of the air between the discs).
         actuator: `direct`, `regulator` or an actuator value; see `dtcasadi.actuators`.
-        parameters: robot fields to leave free in theta, for example `springs.stiffness`.
+        parameters: fields of robot and actuator to leave free in theta, for example
+            `springs.stiffness` or `actuator.time_constant`.
         wrenches: numbers of discs that carry a free external load in the root frame, theta block
             `wrench` ([force; moment about the disc's origin] each) [N, N m].
         assembly: `flat` (one SX graph), `graph` (calls of per-segment Functions), `auto` (by size).
@@ -329,12 +327,14 @@ def build(
     charts = charts_of(chart, robot.n_discs - 1)
     if not any(each.words.n_q for each in charts):
         raise ModelError("chart: expected at least one segment that moves, got rigid for all")
+    driver = actuator_of(actuator)
+    driver.fit(len(robot.chambers), inflation)
     options = Options(
         charts=charts,
         velocity_terms=velocity_terms,
         damping=damping,
         inflation=inflation,
-        actuator=actuator_of(actuator),
+        actuator=driver,
         parameters=tuple([parameters] if isinstance(parameters, str) else parameters),
         wrenches=discs,
         assembly=assembly,

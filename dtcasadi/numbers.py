@@ -1,7 +1,8 @@
 """A robot's numbers as CasADi matrices, any of them replaced by a named block of theta.
 
 Paths name a field as scene errors do: `discs[4].mass`, `springs.stiffness` (of all springs),
-`damping[2].c_a`, `gravity`. Parts are counted from 1; disc 1 is the root.
+`damping[2].c_a`, `gravity`, and those of the actuator: `actuator.time_constant`. Parts are counted
+from 1; disc 1 is the root.
 """
 
 import re
@@ -11,6 +12,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from .actuators import Actuator
+from .actuators.parameters import named
 from .errors import ModelError
 from .forces.damping import SegmentDamping
 from .forces.gravity import Gravity
@@ -186,7 +189,11 @@ class Theta(NamedTuple):
 
 
 def theta_layout(
-    robot: Robot, frames: Sequence[int], wrenches: Sequence[int], parameters: Sequence[str]
+    robot: Robot,
+    actuator: Actuator,
+    frames: Sequence[int],
+    wrenches: Sequence[int],
+    parameters: Sequence[str],
 ) -> Theta:
     """Blocks in order: frames (A, B column-major per segment), wrench (6 per disc), parameters.
 
@@ -211,14 +218,17 @@ def theta_layout(
     if wrenches:
         add("wrench", [np.zeros(6) for _ in wrenches])
     for path in parameters:
-        mine = slots(robot, path)
-        again = {slot for slot, _ in taken}.intersection(mine)
+        if isinstance(path, str) and path.startswith("actuator."):
+            whole, numbers = named(actuator, path.removeprefix("actuator."))
+            found = [(Slot("actuator", 0, whole), numbers)]
+        else:
+            found = [(slot, slot_value(robot, slot)) for slot in slots(robot, path)]
+        again = {slot for slot, _ in taken}.intersection(slot for slot, _ in found)
         if again or path in blocks:
             raise ModelError(f"parameters: {path} names a number that is already a parameter")
-        parts = [slot_value(robot, slot) for slot in mine]
         start = size
-        add(path, parts)
-        for slot, part in zip(mine, parts, strict=True):
+        add(path, [part for _, part in found])
+        for slot, part in found:
             taken.append((slot, slice(start, start + len(part))))
             start += len(part)
     theta0 = np.concatenate(values) if values else np.zeros(0)

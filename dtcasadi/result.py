@@ -87,8 +87,22 @@ class Run:
 
     @property
     def pressure(self) -> np.ndarray:
-        """Chamber pressures, shape (n_u, n) [Pa]."""
-        return self.model.pressure_of(self.x, self.u)
+        """Gauge pressures in the chambers, shape (n_u, n) [Pa]."""
+        return self.air["pressure"]
+
+    @property
+    def air(self) -> dict[str, np.ndarray]:
+        """What happens in the chambers, shape (n_u, n) each.
+
+        `pressure` and `effective_pressure` (what moves the robot) [Pa]; `supply_flow` (in),
+        `exhaust_flow` and `leak_flow` (out) [kg/s].
+        """
+        function, n = self.model.air, len(self.t)
+        values = function(self.x, self.u, self.thetas)
+        return {
+            name: np.array(value).reshape(self.model.n_u, n)
+            for name, value in zip(function.name_out(), values, strict=True)
+        }
 
     def at(self, times: Sequence[float] | np.ndarray) -> "Run":
         """The same run seen at other times (dense output): t, x, u and thetas there.

@@ -5,8 +5,8 @@ Format, schema 1
 Numbers are in SI units; a suffix of the key names another unit (never both of `radius` and
 `radius_mm`): _mm _cm, _g, _deg, _ms, _mm2 _cm2, _g_mm2 _kg_mm2, _kpa _bar, _kpa_per_s _bar_per_s,
 _per_kpa _per_bar, _deg_per_s, _mm_per_s _cm_per_s, _n_per_mm, _n_s_per_mm, _n_mm_s, _mn _kn, _n_mm,
-_per_mm2. Keys marked * may be left out. `n` is the number of discs, disc 1 the fixed root; vectors
-are x, y, z in the frame of the disc they belong to.
+_per_mm2, _ml _l, _l_per_s_bar. Keys marked * may be left out. `n` is the number of discs, disc 1
+the fixed root; vectors are x, y, z in the frame of the disc they belong to.
 
     schema = 1
     name *, title *             default: the file's name
@@ -57,16 +57,31 @@ are x, y, z in the frame of the disc they belong to.
     [model] *                   options of `dtcasadi.build`
     chart * = "cardan"          or a list of n - 1
     velocity_terms *, damping *, inflation *        "last_disc" or "volume"
-    actuator * = "direct" | "regulator", or a table [model.actuator] with kind = "regulator",
-                                time_constant *, minimum *, maximum * [Pa], rate_limit * [Pa/s]
+    actuator * = "direct" | "regulator", or
+
+    [model.actuator] *          see `dtcasadi.actuators`; a number for all chambers or a list
+    kind = "direct"
+    kind = "regulator"          time_constant *, minimum *, maximum * [Pa], rate_limit * [Pa/s],
+                                vent_time_constant *, vent_rate_limit *, blend *
+    kind = "gas"                supply_pressure, exhaust_pressure *, atmosphere * [Pa], exponent *,
+                                dead_volume * [m^3], and these tables:
+    [model.actuator.supply]     conductance [m^3/(s Pa)], critical_ratio *, or
+                                diameter, discharge_coefficient *
+    [model.actuator.exhaust]    the same; [model.actuator.leak] * too
+    [model.actuator.valve] *    command = "opening", overlap *; or
+                                command = "pressure", band [Pa], underlap *
+    [model.actuator.hysteresis] *   of any kind: amplitude [Pa], travel *, sharpness *,
+                                creep_time *, break_in * [Pa], break_in_travel *
+    [model.actuator.delay] *    of any kind: time, lags * (0: exact in a simulation)
 
     [initial] *                 default: all zero
     chart *                     of the pose given here; default: the model's
     q *, qd *                   lists, or
     beta = [0.1, 0.01, 0.01]    coordinates by their names in the chart, a number for each segment
-    pressure *                  command the actuator has settled at; default: the one at t = 0
+    pressure *                  that the chambers hold; default: the command at t = 0, or zero with
+                                valves commanded by their opening
 
-    [pressure] *                default: zero
+    [pressure] *                default: zero; [opening] for such valves, -1 (exhaust) to 1 (supply)
     value                       a number for each chamber; or
     times, values, kind * = "step" | "linear"      values: a list of numbers, or of such lists
 
@@ -96,6 +111,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import checks
+from .actuation import settled
 from .charts import charts_of, convert
 from .errors import SceneError
 from .measure import Measure
@@ -120,13 +136,14 @@ class Scene:
         robot: the robot.
         q0: initial coordinates in `initial_chart`, shape (n_q,) [rad].
         qd0: their rates, shape (n_q,) [rad/s].
-        pressure: command against time, one entry for each chamber [Pa].
+        pressure: command against time, one entry for each chamber: a pressure [Pa], or the opening
+            of its valve.
         t_end: duration [s].
         title: one line for people; default: the name.
         options: keyword arguments of `dtcasadi.build`.
         initial_chart: chart of q0, or one for each segment; default: the options'.
-        initial_pressure: command at which the actuator has settled at the start, shape (n_u,)
-            [Pa]; default: the pressure at t = 0.
+        initial_pressure: that the chambers hold at the start, shape (n_u,) [Pa]; default: the
+            command at t = 0 where it is a pressure, else zero.
         rtol: relative tolerance of the integration.
         atol: absolute tolerance of the integration.
         method: integration method.
@@ -204,8 +221,11 @@ class Scene:
         charts = tuple(chart.name for chart in model.charts)
         if charts != self.initial_chart:
             q, qd = convert(self.robot, q, qd, self.initial_chart or charts, charts)
-        command = self.pressure(0.0) if self.initial_pressure is None else self.initial_pressure
-        return np.concatenate([q, qd, model.actuator.rest_state(command)])
+        held = self.initial_pressure
+        if held is None:
+            follows = model.actuator.command == "pressure"
+            held = self.pressure(0.0) if follows else np.zeros(model.n_u)
+        return np.concatenate([q, qd, settled(model, q, held)])
 
 
 def scene_names() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 from . import checks
 from .errors import SceneError
 from .scene_robot import RobotPart, read_robot
-from .scene_settings import read_initial, read_measure, read_model, read_pressure, read_run
+from .scene_settings import read_command, read_initial, read_measure, read_model, read_run
 from .scene_tables import LINE, Faults, Table, is_line, printable
 
 SCHEMA = 1
@@ -47,15 +47,15 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     robot_table = top.table("robot")
     robot = read_robot(robot_table) if robot_table else RobotPart(None, None, None)
     n_segments = None if robot.n_discs is None else robot.n_discs - 1
-    options, charts = read_model(_optional(top, "model"), n_segments)
+    options, charts = read_model(_optional(top, "model"), n_segments, robot.n_chambers)
     fields |= read_initial(_optional(top, "initial"), n_segments, charts, robot.n_chambers)
-    pressure = read_pressure(top.table("pressure", default=None), robot.n_chambers)
+    command = read_command(top, robot.n_chambers, options.get("actuator"))
     run_table = top.table("run")
     fields |= read_run(run_table) if run_table else {}
     fields["measure"] = read_measure(_optional(top, "measure"))
     top.close()
     faults.check()
-    return fields | {"robot": robot.robot, "options": options, "pressure": pressure}
+    return fields | {"robot": robot.robot, "options": options, "pressure": command}
 
 
 def _check_schema(top: Table) -> None:

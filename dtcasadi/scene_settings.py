@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from . import checks
-from .actuators import Regulator
 from .charts import CHARTS, Chart, charts_of
 from .measure import Measure
 from .profile import Profile
+from .scene_actuator import read_actuator
 from .scene_tables import LINE, Table, given, is_line, one_of
-from .scene_units import ANGLE, ANGLE_RATE, PRESSURE, PRESSURE_RATE, TIME
+from .scene_units import ANGLE, ANGLE_RATE, PRESSURE, PURE, TIME, Unit
 
 Charts = tuple[Chart, ...] | None  # None: faults hide them
 DEFAULT_CHART = "cardan"
@@ -22,7 +22,9 @@ _SHIPPED = re.compile(r"([a-z0-9_]+/)?[a-z0-9_]+")
 _METHOD = "the name of an integration method"
 
 
-def read_model(table: Table, n_segments: int | None) -> tuple[dict[str, Any], Charts]:
+def read_model(
+    table: Table, n_segments: int | None, n_chambers: int | None
+) -> tuple[dict[str, Any], Charts]:
     """Options of `dtcasadi.build`, those that `[model]` gives, and the charts."""
     options: dict[str, Any] = {"chart": DEFAULT_CHART}
     charts = _read_chart(table, n_segments, options)
@@ -32,7 +34,7 @@ def read_model(table: Table, n_segments: int | None) -> tuple[dict[str, Any], Ch
         "inflation": ("last_disc", "volume"),
     }.items():
         options |= given({key: table.choice(key, choices, default=None)})
-    options |= given({"actuator": _read_actuator(table)})
+    options |= given({"actuator": read_actuator(table, n_chambers)})
     table.close()
     return options, charts
 
@@ -63,23 +65,34 @@ def read_initial(
     return given(fields)
 
 
-def read_pressure(table: Table | None, n_chambers: int | None) -> Profile | None:
-    """The command of `[pressure]`; zero where there is none."""
+def read_command(top: Table, n_chambers: int | None, actuator: Any) -> Profile | None:
+    """The command of `[pressure]`, or of `[opening]` for valves; zero where there is none."""
+    asked = "pressure" if isinstance(actuator, str | None) else actuator.command
+    other = {"pressure": "opening", "opening": "pressure"}[asked]
+    table = top.table(asked, default=None)
+    if top.take(other, "", default=None):
+        got = f"[{other}], which goes with another actuator"
+        top.fault(other, f"a table [{asked}], the actuator's command", got)
+        return None
     if table is None:
         return Profile.constant(np.zeros(n_chambers or 0))
     if n_chambers == 0:
         table.fault("", _NO_CHAMBERS, "one")
         return None
-    if not table.holds("times", TIME) and not table.holds("values", PRESSURE):
-        value = table.row("value", n_chambers, PRESSURE)
-        for key, unit in (("times", TIME), ("values", PRESSURE)):
-            table.take(key, "", unit, default=None)
+    return _read_profile(table, n_chambers, PRESSURE if asked == "pressure" else PURE)
+
+
+def _read_profile(table: Table, n_chambers: int | None, unit: Unit) -> Profile | None:
+    if not table.holds("times", TIME) and not table.holds("values", unit):
+        value = table.row("value", n_chambers, unit)
+        for key, each in (("times", TIME), ("values", unit)):
+            table.take(key, "", each, default=None)
         table.close()
         return table.make(Profile.constant, value)
     times = table.array("times", (None,), TIME)
-    raw = table.peek("values", PRESSURE)
+    raw = table.peek("values", unit)
     nested = isinstance(raw, list) and any(isinstance(entry, list) for entry in raw)
-    values = table.array("values", (None, n_chambers) if nested else (None,), PRESSURE)
+    values = table.array("values", (None, n_chambers) if nested else (None,), unit)
     kind = table.choice("kind", ("step", "linear"), default="step")
     table.close()
     if not nested:
@@ -129,33 +142,6 @@ def _read_chart(table: Table, n_segments: int | None, options: dict[str, Any]) -
         return None
     options["chart"] = tuple(value) if isinstance(value, list) else value
     return charts_of(options["chart"], n_segments)
-
-
-def _read_actuator(table: Table) -> Any:
-    """A name, or the `Regulator` of a `[model.actuator]` table; None where there is none."""
-    kinds = ("direct", "regulator")
-    if not isinstance(table.peek("actuator"), dict):
-        return table.choice("actuator", kinds, default=None)
-    part = table.table("actuator")
-    assert part is not None
-    kind = part.choice("kind", kinds)
-    if kind != "regulator":
-        if kind == "direct":
-            part.close()
-        return kind
-    fields = given(
-        {
-            "time_constant": part.number("time_constant", TIME, default=None, positive=True),
-            "minimum": part.number("minimum", PRESSURE, default=None),
-            "maximum": part.number("maximum", PRESSURE, default=None),
-            "rate_limit": part.number("rate_limit", PRESSURE_RATE, default=None, positive=True),
-        }
-    )
-    lowest = fields.get("minimum", Regulator.minimum)
-    if fields.get("maximum", Regulator.maximum) <= lowest:
-        part.fault("maximum", f"a pressure above the minimum of {lowest:g} Pa", fields["maximum"])
-    part.close()
-    return part.make(Regulator, **fields)
 
 
 def _read_named(table: Table, charts: Charts) -> np.ndarray | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
-from .errors import ProfileError, RobotError, SceneError
+from .errors import ActuatorError, ProfileError, RobotError, SceneError
 from .scene_units import PURE, Unit
 
 REQUIRED: Any = object()
@@ -211,7 +211,7 @@ class Table:
         """build(...), its error noted under this table's path."""
         try:
             return build(*arguments, **options)
-        except (RobotError, ProfileError) as error:
+        except (RobotError, ProfileError, ActuatorError) as error:
             self.fault(error.field, error.expected, error.got)
             return None
 

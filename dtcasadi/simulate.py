@@ -46,9 +46,10 @@ def simulate(
     Args:
         subject: a scene, whose own settings hold where an argument is left out, or a model.
         x0: initial state [q; qd; actuator states], shape (n_x,).
-        pressure: command of `direct` and `regulator` actuators [Pa]: a number for all chambers,
-            one per chamber, a `Profile` (its breakpoints are step boundaries), or a function of t.
-        u: command of any other actuator, in the same forms.
+        pressure: command of actuators that take a pressure [Pa]: a number for all chambers, one
+            per chamber, a `Profile` (its breakpoints are step boundaries), or a function of t. The
+            dead time of a `Delay` without lags holds it back.
+        u: command of any actuator (valve openings), in the same forms.
         t_end: duration [s].
         theta: parameters, shape (n_theta,); default: the robot's own.
         method: a name of `dtcasadi.integrators.METHODS`. `auto` picks by measured stiffness; where
@@ -80,6 +81,9 @@ def simulate(
         x0 = scene.x0(model)
     if pressure is not None and u is not None:
         raise SimulationError("expected either pressure or u, got both")
+    if pressure is not None and model.actuator.command != "pressure":
+        text = f"u, as this actuator's command is the {model.actuator.command} of its valves"
+        raise _error("pressure", text, checks.shown(pressure))
     given = pressure if u is None else u
     if given is None:
         given = scene.pressure if scene else 0.0
@@ -97,7 +101,14 @@ def simulate(
         model=model,
         x0=checks.array("x0", x0, (model.n_x,), error=_error),
         theta=_theta(model, theta),
-        pieces=command_pieces(given, model.n_u, t_end),
+        pieces=command_pieces(
+            given,
+            model.n_u,
+            t_end,
+            name=model.actuator.command,
+            delay=model.actuator.dead_time,
+            before=_before(scene, model),
+        ),
         rtol=checks.number("rtol", rtol, positive=True, error=_error),
         atol=checks.number("atol", atol, positive=True, error=_error),
         step_s=None
@@ -109,6 +120,13 @@ def simulate(
     run = _run(problem, name)
     warn_above_rating(model.robot, run.pressure)
     return run
+
+
+def _before(scene: Scene | None, model: Model) -> np.ndarray | None:
+    """The command before the start where the scene says what the chambers hold."""
+    if scene is None or scene.initial_pressure is None:
+        return None
+    return model.actuator.rest_command(scene.initial_pressure)
 
 
 def _run(problem: Problem, name: str) -> Run:

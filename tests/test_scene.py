@@ -198,7 +198,7 @@ def test_coordinates_that_only_some_charts_have_are_zero_when_others_are_named()
 def test_an_actuator_may_be_named_or_a_table(kind):
     assert parse(SMALL + f'[model]\nactuator = "{kind}"').options["actuator"] == kind
     options = parse(SMALL + f'[model.actuator]\nkind = "{kind}"').options
-    assert options["actuator"] == ("direct" if kind == "direct" else Regulator())
+    assert options["actuator"] == (Direct() if kind == "direct" else Regulator())
 
 
 def test_the_format_reference_names_every_key_and_suffix(monkeypatch):

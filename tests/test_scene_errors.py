@@ -114,11 +114,11 @@ length = 1 -> length = 1\nbend_deg = [1, true, 0]
 + [model]\nactuator = 'pump'
     model.actuator: expected direct or regulator, got 'pump'
 + [model.actuator]\nkind = 'pump'
-    model.actuator.kind: expected direct or regulator, got 'pump'
+    model.actuator.kind: expected direct, regulator or gas, got 'pump'
 + [model.actuator]\nkind = 'regulator'\nmaximum = -1
     model.actuator.maximum: expected a pressure above the minimum of 0 Pa, got -1.0
 + [model.actuator]\nkind = 'direct'\nmaximum = 1
-    model.actuator.maximum: expected one of kind, got an unknown key
+    model.actuator.maximum: expected one of kind, hysteresis, delay, got an unknown key
 + [initial]\nq = [1, 2]
     initial.q: expected finite numbers of shape (10), got shape (2,)
 + [initial]\nq = 0\nthread_x = 1
@@ -132,8 +132,8 @@ length = 1 -> length = 1\nbend_deg = [1, true, 0]
 + [pressure]\nvalue = 1
     pressure: expected no pressure for a robot without chambers, got one
 + [sensors]
-    sensors: expected one of schema, name, title, robot, model, initial, pressure, run,
-    measure, got an unknown key
+    sensors: expected one of schema, name, title, robot, model, initial, pressure, opening,
+    run, measure, got an unknown key
 
 t_end = 3 -> t_end = 0
     run.t_end: expected a finite positive number, got 0

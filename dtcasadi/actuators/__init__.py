@@ -1,33 +1,19 @@
 """Actuators: how commands u become chamber pressures, with what states.
 
-An actuator is a frozen value with four methods; its states follow q and qd in x.
+An actuator is a frozen value; its states follow q and qd in x. `Actuator` says how to write one's
+own, and they nest: `Delay(Hysteresis(Gas(...)))`.
 """
 
-from typing import Protocol
-
-import casadi as ca
-import numpy as np
-
+from ..checks import shown
 from ..errors import ModelError
+from .delay import Delay
 from .direct import Direct
+from .gas import Gas
+from .hysteresis import Hysteresis
+from .orifice import Orifice
+from .protocol import Accounts, Actuator, Air, Signals, Wrapped
 from .regulator import Regulator
-
-
-class Actuator(Protocol):
-    """What a model needs of an actuator; n is the number of chambers."""
-
-    def state_names(self, n: int) -> tuple[str, ...]:
-        """Names of the states appended to x."""
-
-    def pressure(self, state: ca.SX, u: ca.SX) -> ca.SX:
-        """Chamber pressures [Pa], shape (n, 1)."""
-
-    def rate(self, state: ca.SX, u: ca.SX) -> ca.SX:
-        """Time derivative of the states."""
-
-    def rest_state(self, u: np.ndarray) -> np.ndarray:
-        """The states at which a constant command has settled."""
-
+from .valve import PressureValve, Valve
 
 _BY_NAME = {"direct": Direct, "regulator": Regulator}
 
@@ -40,10 +26,25 @@ def actuator_of(value: object) -> Actuator:
     """
     if isinstance(value, str) and value in _BY_NAME:
         return _BY_NAME[value]()
-    if isinstance(value, Direct | Regulator):
+    if isinstance(value, Actuator):
         return value
     names = ", ".join(repr(name) for name in _BY_NAME)
-    raise ModelError(f"actuator: expected {names} or an actuator value, got {value!r}")
+    raise ModelError(f"actuator: expected {names} or an actuator value, got {shown(value)}")
 
 
-__all__ = ["Actuator", "Direct", "Regulator", "actuator_of"]
+__all__ = [
+    "Accounts",
+    "Actuator",
+    "Air",
+    "Delay",
+    "Direct",
+    "Gas",
+    "Hysteresis",
+    "Orifice",
+    "PressureValve",
+    "Regulator",
+    "Signals",
+    "Valve",
+    "Wrapped",
+    "actuator_of",
+]

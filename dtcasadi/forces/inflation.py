@@ -73,23 +73,22 @@ class PressureOnVolume(Force):
         arm, D, (_, outer, mixed), normal = self._parts(disc)
         x, y, z = ca.horzsplit(disc.R)
         skewed = D * (y[0] - x[1]) + vector(-ca.dot(y, D), ca.dot(x, D), 0)
-        moment = 2 * outer * cross(z, D) + mixed * skewed
-        force = normal * (self.pressure / 6)
-        return Wrench(moment * (self.pressure / 6) + cross(arm, force), force)
+        moment = 2 * outer * cross(z, D) + mixed * skewed + cross(arm, normal)
+        return Wrench(moment * self.pressure, normal * self.pressure)
 
     def volume(self, disc: DiscState) -> ca.SX:
         """V [m^3]."""
         _, D, _, normal = self._parts(disc)
-        return ca.dot(D, normal) / 6
+        return ca.dot(D, normal)
 
     def _parts(self, disc: DiscState) -> tuple[ca.SX, ca.SX, tuple[ca.SX, ca.SX, ca.SX], ca.SX]:
-        """Arm of the next centroid, D, the areas and their geometric mean, and 6 dV/dD."""
+        """Arm of the next centroid, D, a sixth of areas and their geometric mean, and dV/dD."""
         scale = _scale(self.radial_compliance, self.pressure)
-        A, outer = self.area * scale**2, self.area_next * scale**2
+        sixth = scale**2 / 6
         product = ca.SX(self.area * self.area_next)
         if not product.is_constant():
             product = product + FLOOR
-        mixed = ca.sqrt(product) * scale**2
+        A, outer, mixed = (area * sixth for area in (self.area, self.area_next, ca.sqrt(product)))
         arm = ca.mtimes(disc.R, column(self.centroid_next) * scale)
         D = disc.r + arm - column(self.centroid) * scale
         x, y, z = ca.horzsplit(disc.R)

@@ -4,6 +4,8 @@ Everything is along the axes of the span's first disc, the reference. Such force
 own coordinates alone, so the local Jacobian of these kernels is all of their derivative.
 """
 
+from typing import Any
+
 import casadi as ca
 
 from ..kernels.axes import cross
@@ -98,6 +100,19 @@ def span_energy(
 def span_volume(words: tuple[Words, ...], segments: tuple[Segment, ...], part: Packed) -> ca.SX:
     """Volume of the air between two neighbouring discs [m^3]."""
     return part.force().volume(*_resting(words, segments))  # type: ignore[attr-defined]
+
+
+def span_breath(
+    words: tuple[Words, ...],
+    segments: tuple[Segment, ...],
+    relative: tuple[Turning, ...],
+    part: Packed,
+) -> tuple[ca.SX, ca.SX]:
+    """That volume and its rate [m^3/s]: the power of a part with unit pressure."""
+    (disc,) = span_states(words, segments, relative)
+    force: Any = part.force()
+    wrench = force.wrenches(disc)
+    return force.volume(disc), ca.dot(wrench.moment, disc.w) + ca.dot(wrench.force, disc.v)
 
 
 def _resting(words: tuple[Words, ...], segments: tuple[Segment, ...]) -> list[DiscState]:
