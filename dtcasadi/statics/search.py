@@ -324,3 +324,11 @@ def search_of(model: Model) -> Search:
         return Search(model, tuple(functions.values()), library)
 
     return model.once("search", build)
+
+
+def virtual_search(model: Model) -> Search:
+    """The search of a model in CasADi's virtual machine: nothing to compile, slower to run.
+
+    Of a model that is asked a few questions only; must come before its first equilibrium.
+    """
+    return model.once("search", lambda: Search(model, balance(model.graphs[1]), (), None))
