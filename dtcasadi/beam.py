@@ -40,18 +40,32 @@ class Wire(NamedTuple):
 class Segment(NamedTuple):
     """A piece of a beam between two discs, at rest.
 
+    Disc frames follow the wall, not a fabric that winds round it. The frame half-way is the wall's
+    in the middle of the axis.
+
     Attributes:
         length: of the beam's axis [m].
-        angles: rest bend about x and y and twist of the disc frames over the segment, shape (3,)
-            [rad]; the axis is a piece of a helix.
-        centre: of the section in the disc's frame, shape (3,) [m]; the thread joins at the origin.
-        turn: angle by which the thread is set round the section's centre at its start [rad].
+        R: frame i+1 in frame i, shape (3, 3).
+        way: from the section's centre of disc i to that of disc i+1, in frame i, shape (3,) [m].
+        half_R: the frame half-way in frame i.
+        half_way: its origin from the centre of disc i, in frame i.
+        root: centre of disc i from where the thread joins it, shape (3,) [m].
+        leave: the same from where the outgoing thread leaves it.
+        reach: centre of disc i+1 from where the thread joins it, in frame i+1.
+        side: angle of the fabric round the axis half-way [rad].
+        winding: by how much the fabric winds round the wall [rad].
     """
 
     length: float
-    angles: np.ndarray
-    centre: np.ndarray
-    turn: float = 0.0
+    R: np.ndarray
+    way: np.ndarray
+    half_R: np.ndarray
+    half_way: np.ndarray
+    root: np.ndarray
+    leave: np.ndarray
+    reach: np.ndarray
+    side: float
+    winding: float
 
     def thread(self) -> Thread:
         """The thread from rim to rim, with the rest rotations A and B that make q = 0 the rest.
@@ -59,63 +73,52 @@ class Segment(NamedTuple):
         Raises:
             RobotError: field `bend`: so much bend leaves the thread no length.
         """
-        R, gap = self._next()
+        gap = self.leave + self.way - self.R @ self.reach
         if gap[2] <= 0:
-            raise RobotError("bend", "a rest bend that leaves the fabric a length", self.angles)
+            raise RobotError("bend", "a rest bend that leaves the fabric a length", self.length)
         length = float(np.linalg.norm(gap))
-        set_round = about_z(self.turn)
         lean = _shortest_turn(gap / length)
-        bend, twist = set_round @ lean, lean.T @ R
-        return Thread(length, self.centre - set_round @ self.centre, bend, twist)
+        return Thread(length, self.root - self.leave, lean, lean.T @ self.R)
+
+    def along(
+        self, radius: float, start: float, end: float, stiffness: float, arm: float = 0.0
+    ) -> Wire:
+        """A spring from an angle round disc i to one round disc i+1, at a radius from the axis.
+
+        Angles count from the fabric's side half-way. An arm puts either end that far beyond its
+        disc.
+        """
+        over = np.array([0.0, 0.0, arm])
+        point = self.root + spoke(radius, self.side + start) - over
+        return Wire(point, self.reach + spoke(radius, self.side + end) + over, stiffness)
 
     def arm(self, radius: float, hardening: float = 0.0) -> float:
         """How far posts on a circle about the thread stand over their discs [m].
 
         Posts between the discs themselves give a moment that goes with the sine of the bend w, an
         energy less by w^2 / 12. With arms a it is more by (a / radius)^2 / 8 of w^2, so that the
-        moment can be linear to fifth order. Where the disc frames twist about the wall such arms
-        would lean against each other.
+        moment can be linear to fifth order. Where a rest bend turns round the wall such arms would
+        lean against each other.
 
         Args:
             radius: of the circle [m].
             hardening: what other springs add to the bending energy, of w^2.
         """
-        return 0.0 if self.angles[2] else radius * math.sqrt(8 * (1 / 12 - hardening))
+        return 0.0 if self.winding else radius * math.sqrt(8 * (1 / 12 - hardening))
 
-    def along(
-        self, radius: float, start: float, end: float, stiffness: float, arm: float = 0.0
-    ) -> Wire:
-        """A spring from an angle on disc i to one on disc i+1, at a radius from their centres.
-
-        Both are counted from the thread's side half-way along, so equal ones make a post that
-        follows the wall where the disc frames twist about it. An arm puts either end that far
-        beyond its disc.
-        """
-        half, reach = self.angles[2] / 2, np.array([0.0, 0.0, arm])
-        point = self._before(self.centre + spoke(radius, start + half) - reach)
-        return Wire(point, self.centre + spoke(radius, end - half) + reach, stiffness)
-
-    def across(self, point: np.ndarray, along: np.ndarray, stiffness: float) -> Wire:
-        """A spring in the plane half-way between the discs.
+    def across(self, radius: float, angle: float, span: float, stiffness: float) -> Wire:
+        """A spring in the plane half-way between the discs, its ends on arms of either disc.
 
         Args:
-            point: its middle, from the axis in the frame half-way, shape (3,) [m].
-            along: from there to its end on disc i+1; the opposite end belongs to disc i.
+            radius: of the circle round the axis that it touches [m].
+            angle: where it does, from the fabric's side [rad].
+            span: its length [m]; negative: from disc i it runs the other way round.
             stiffness: [N/m].
         """
-        R, gap = self._next()
-        half_R, half_way = _helix(self.angles / 2, self.length / 2)
-        start, end = (self.centre + half_way + half_R @ (point + k * along) for k in (-1, 1))
-        return Wire(self._before(start), R.T @ (end - gap), stiffness)
-
-    def _next(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frame i+1 at rest in frame i after its thread has been set round: rotation, origin."""
-        R, way = _helix(self.angles, self.length)
-        return R, self.centre + way - R @ self.centre
-
-    def _before(self, point: np.ndarray) -> np.ndarray:
-        """A point of frame i after its thread has been set round, in frame i itself."""
-        return self.centre + about_z(self.turn) @ (point - self.centre)
+        middle = spoke(radius, self.side + angle)
+        along = spoke(span / 2, self.side + angle + math.pi / 2)
+        start, end = (self.half_way + self.half_R @ (middle + k * along) for k in (-1, 1))
+        return Wire(self.root + start, self.reach + self.R.T @ (end - self.way), stiffness)
 
 
 class Cut(NamedTuple):
@@ -134,7 +137,7 @@ class Cut(NamedTuple):
         cls,
         length: float,
         n_discs: int,
-        centre: np.ndarray,
+        offset: float,
         angles: np.ndarray,
         turns: Sequence[float] = (0.0,),
     ) -> Self:
@@ -143,9 +146,10 @@ class Cut(NamedTuple):
         Args:
             length: of the axis [m].
             n_discs: number of discs, the root included.
-            centre: of the section in the disc's frame, shape (3,) [m].
-            angles: rest bend about x and y and twist over the whole length, shape (3,) [rad].
-            turns: for each part, by how much its thread is set round from where the one before
+            offset: of the fabric from the axis [m].
+            angles: rest bend about x and y, in a frame that winds with the fabric, and the
+                fabric's winding over the whole length, shape (3,) [rad].
+            turns: for each part, by how much its fabric is set round from where the one before
                 ends [rad].
 
         Raises:
@@ -154,10 +158,15 @@ class Cut(NamedTuple):
         n_segments = checks.index("n_discs", n_discs, len(turns) + 1, MAX_DISCS) - 1
         segments: list[Segment] = []
         ends: list[int] = []
+        side, root = 0.0, -spoke(offset, 0.0)
         for k, turn in enumerate(turns):
             mine = n_segments // len(turns) + (k < n_segments % len(turns))
-            piece = Segment(length / len(turns) / mine, angles / len(turns) / mine, centre)
-            segments += [piece._replace(turn=turn), *[piece] * (mine - 1)]
+            share = 1 / len(turns) / mine
+            side += turn
+            for _ in range(mine):
+                piece = _piece(length * share, angles * share, side, offset, root)
+                segments.append(piece)
+                side, root = side + angles[2] * share, piece.reach
             ends.append(len(segments) + 1)
         return cls(tuple(segments), tuple(ends))
 
@@ -175,8 +184,9 @@ class Cut(NamedTuple):
             area: what pressure acts on, round the section's centre [m^2].
         """
         halves = [0.0, *(segment.length / 2 for segment in self.segments), 0.0]
-        centre, rings = self.segments[0].centre, []
-        for before, after in zip(halves, halves[1:], strict=False):
+        centres = [self.segments[0].root, *(segment.reach for segment in self.segments)]
+        rings = []
+        for before, after, centre in zip(halves, halves[1:], centres, strict=False):
             hoop = Disc.hoop(mass_per_length * (before + after), radius)
             last = payload if after == 0.0 else 0.0
             outline = hoop.outline - hoop.centroid + centre
@@ -199,12 +209,8 @@ def ring(segment: Segment, radius: float, n: int, stiffness: float, span: float)
         stiffness: k, of each [N/m].
         span: length of each [m].
     """
-    wires = []
-    for k in range(n):
-        angle = 2 * math.pi * (k + 0.5) / n
-        along = spoke(span / 2, angle + math.pi / 2) * (-1) ** k
-        wires.append(segment.across(spoke(radius, angle), along, stiffness))
-    return wires
+    step = 2 * math.pi / n
+    return [segment.across(radius, (k + 0.5) * step, span * (-1) ** k, stiffness) for k in range(n)]
 
 
 def springs(wires: Iterable[Iterable[Wire]], retardation_time: float) -> tuple[Spring, ...]:
@@ -244,6 +250,32 @@ def spoke(radius: float, angle: float) -> np.ndarray:
     if min(abs(sine), abs(cosine)) < 1e-12:
         sine, cosine = float(round(sine)), float(round(cosine))
     return np.array([radius * sine, -radius * cosine, 0.0])
+
+
+def _piece(
+    length: float, angles: np.ndarray, side: float, offset: float, root: np.ndarray
+) -> Segment:
+    """The segment that starts with the fabric at an angle `side` round the axis."""
+
+    def wall(share: float) -> tuple[np.ndarray, np.ndarray]:
+        turn, way = _helix(angles * share, length * share)
+        start, end = about_z(side), about_z(side + angles[2] * share)
+        return start @ turn @ end.T, start @ way
+
+    R, way = wall(1.0)
+    half_R, half_way = wall(0.5)
+    return Segment(
+        length=length,
+        R=R,
+        way=way,
+        half_R=half_R,
+        half_way=half_way,
+        root=root,
+        leave=-spoke(offset, side),
+        reach=-spoke(offset, side + angles[2]),
+        side=side + angles[2] / 2,
+        winding=float(angles[2]),
+    )
 
 
 def about_z(angle: float) -> np.ndarray:

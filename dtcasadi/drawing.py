@@ -164,10 +164,16 @@ def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
         discs=[flat(rim) for rim in rims],
         order=np.argsort([rim.mean(axis=0) @ view.toward for rim in rims], kind="stable"),
         threads=flat(np.stack([np.array(starts), r[1:]], axis=1)),
-        springs=_zigzags(flat(np.array(ends).reshape(-1, 2, 3)), 0.04 * robot.length),
+        springs=_zigzags(flat(np.array(ends).reshape(-1, 2, 3)), _swing(robot)),
         chambers=chambers,
         tip=flat(placed(robot.n_discs - 1, robot.discs[-1].centre_of_mass)),
     )
+
+
+def _swing(robot: Robot) -> float:
+    """How wide springs are drawn [m]: to be seen along the robot, and not to hide its discs."""
+    across = min(float(np.ptp(outline_of(disc), axis=0).max()) for disc in robot.discs)
+    return min(0.04 * robot.length, 0.12 * across)
 
 
 def _zigzags(ends: np.ndarray, width: float) -> np.ndarray:

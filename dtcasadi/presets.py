@@ -1,4 +1,8 @@
-"""Robots known from the literature, and the paper's way of placing springs."""
+"""Robots known from the literature, and the paper's way of placing springs.
+
+Those made from a tube or a rod can be cut into any number of discs. Their numbers stand in the
+scenes of the same names (`dtcasadi/scenes/*.toml`), each with its source or marked as assumed.
+"""
 
 import math
 from collections.abc import Sequence
@@ -52,3 +56,30 @@ def seed_four_disc(up: Sequence[float] = (0.0, -1.0, 0.0)) -> Robot:
         damping=Damping(c_a=100.0, c_b=100.0, c_w=100.0),
         up=up,  # type: ignore[arg-type]
     )
+
+
+def tentacle(n_discs: int = 4) -> Robot:
+    """A silicone tentacle like "Squishy": a fabric strip winds round it and bends it in space.
+
+    Dragon Skin 30; for pressures up to 20 kPa, rated for 30 kPa.
+    """
+    return _cut("tentacle", n_discs)
+
+
+def grub(n_discs: int = 6) -> Robot:
+    """A joint like BYU's "grub": two antagonistic pairs of bellows round an inextensible core.
+
+    14.07 N m/rad, 2.73 N m s/rad, 5 kg over 0.23 m, 0.15 N m/kPa for each pair, at most 275 kPa.
+    """
+    return _cut("grub", n_discs)
+
+
+def arm(n_discs: int = 9) -> Robot:
+    """An arm like "Kaa": four chambers in series whose strips lie on top and aside in turn."""
+    return _cut("arm", n_discs)
+
+
+def _cut(name: str, n_discs: int) -> Robot:
+    from .scene import load_scene  # which reads springs by `rim`
+
+    return load_scene(name).rediscretised(n_discs).robot

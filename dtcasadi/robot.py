@@ -133,7 +133,8 @@ class Robot:
                 chambers: number of equal chambers in series (1);
                 strip_turns: for each chamber but the first, by how much its strip is set further
                     round the wall [rad];
-                rated_pressure: gauge pressure above which a simulation warns [Pa];
+                rated_pressure, radial_compliance: of every chamber, as of a Chamber; a thin wall
+                    without hoops of its own grows by radius / (E wall_thickness) [1/Pa];
                 retardation_time: viscosity of the wall over its Young's modulus (Kelvin-Voigt) [s];
                 posts: axial springs round the wall, an even number (4);
                 up, gravity: as of a Robot.

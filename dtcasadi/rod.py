@@ -84,7 +84,7 @@ class Rod:
             RobotError: field `n_discs`: not an integer from 2 on.
         """
         radius = self.radius or 0.0
-        cut = Cut.of(self.length, n_discs, np.zeros(3), np.append(self.bend, self.twist))
+        cut = Cut.of(self.length, n_discs, 0.0, np.append(self.bend, self.twist))
         return Robot(
             discs=cut.rings(self.mass_per_length, radius, self.payload, math.pi * radius**2),
             threads=tuple(segment.thread() for segment in cut.segments),

@@ -37,9 +37,20 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     discs = [first, last] | "all"
     areas *, centroids *        on each disc from first to last; default: the discs' own
     radial_compliance *         relative growth of its section's lengths [1/Pa]
+    rated_pressure *            above which a simulation warns [Pa]
 
     [robot.damping] *           c_a *, c_b *, c_w *, c_r * [N m s/rad] of every segment, or
     [[robot.damping]]           n - 1 tables, count * as above
+
+    [robot.tube] or [robot.rod] instead of discs, threads, springs, chambers and damping: a robot
+                                that can be cut into any number of discs
+    n_discs, length, radius, wall_thickness, youngs_modulus (also _mpa), poissons_ratio, density,
+    fabric * = "strip" | "axis", chambers *, strip_turns *, posts *, and as of a chamber
+    rated_pressure *, radial_compliance *                          of a tube, see `Robot.from_tube`
+    n_discs, length, bending_stiffness [N m^2], shear_stiffness [N], twisting_stiffness [N m^2],
+    mass_per_length, radius *, [[robot.rod.cells]] * with area, centroid = [x, y], rated_pressure *
+                                                                   of a rod, see `Robot.from_rod`
+    payload *, bend *, twist *, retardation_time *                 of both
 
     [[robot.forces]] *          kind = one of these; see `dtcasadi.forces` for each
     "point_load"                disc, magnitude [N], direction in the root's frame, point *
@@ -116,10 +127,13 @@ from .charts import charts_of, convert
 from .errors import SceneError
 from .measure import Measure
 from .profile import Profile
+from .rediscretise import rediscretised
 from .robot import Robot
+from .rod import Rod
 from .scene_file import MAX_BYTES, is_name, read_scene
 from .scene_settings import DEFAULT_CHART
 from .scene_tables import printable
+from .tube import Tube
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -149,6 +163,7 @@ class Scene:
         method: integration method.
         step_s: step of a fixed-step method [s]; default: the method's choice.
         measure: what the stability map asks of a method.
+        beam: the tube or the rod that the robot was cut from; None: its discs were given.
 
     Raises:
         SceneError: naming the field, what was expected and what was given.
@@ -170,6 +185,7 @@ class Scene:
     method: str = "auto"
     step_s: float | None = None
     measure: Measure = Measure()
+    beam: Tube | Rod | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -208,6 +224,19 @@ class Scene:
         from .model import build
 
         return build(self.robot, **{**self.options, **overrides})
+
+    def rediscretised(self, n_discs: int) -> "Scene":
+        """The scene with its tube or rod cut into another number of discs.
+
+        Chambers, forces on single discs and the initial pose stay where they are along the beam;
+        coordinates and rates per length are interpolated.
+
+        Raises:
+            SceneError: the robot was given disc by disc, has forces between discs, or another
+                chart for each segment.
+            RobotError: the beam cannot be cut into so many discs.
+        """
+        return rediscretised(self, n_discs)
 
     def x0(self, model: "Model") -> np.ndarray:
         """Initial state x = [q; qd; actuator states] of a model of the scene's robot, shape (n_x,).

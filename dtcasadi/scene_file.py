@@ -55,7 +55,8 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     fields["measure"] = read_measure(_optional(top, "measure"))
     top.close()
     faults.check()
-    return fields | {"robot": robot.robot, "options": options, "pressure": command}
+    fields |= {"robot": robot.robot, "options": options, "pressure": command}
+    return fields | {"beam": robot.beam}
 
 
 def _check_schema(top: Table) -> None:

@@ -1,12 +1,14 @@
 """The `[robot]` table of a scene file; its keys are listed in `dtcasadi.scene`."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import checks
 from .robot import STANDARD_GRAVITY, Chamber, Damping, Disc, Robot, Thread
+from .scene_beams import Beam, BeamPart, read_beam
 from .scene_forces import read_forces
 from .scene_springs import Discs, read_span, read_springs
 from .scene_tables import Table, given
@@ -18,6 +20,7 @@ from .scene_units import (
     INERTIA,
     LENGTH,
     MASS,
+    PRESSURE,
     SEGMENT_DAMPING,
 )
 
@@ -30,6 +33,7 @@ class RobotPart(NamedTuple):
     robot: Robot | None
     n_discs: int | None
     n_chambers: int | None
+    beam: Beam | None = None
 
 
 def read_robot(table: Table) -> RobotPart:
@@ -38,6 +42,9 @@ def read_robot(table: Table) -> RobotPart:
     up = table.array("up", (3,), default=np.array([0.0, 1.0, 0.0]))
     up = table.make(checks.unit, "up", up)
     gravity = table.number("gravity", ACCELERATION, default=STANDARD_GRAVITY, nonnegative=True)
+    part = read_beam(table, up, gravity)
+    if part:
+        return _of_beam(table, part, before)
     discs = _read_discs(table)
     threads = _read_parts(table, "threads", discs.number, _read_thread)
     springs = read_springs(table, discs)
@@ -50,6 +57,20 @@ def read_robot(table: Table) -> RobotPart:
         parts = (discs.discs, threads, springs, chambers, damping)
         robot = table.make(Robot, *parts, up=up, gravity=gravity, forces=forces)
     return RobotPart(robot, discs.number, None if chambers is None else len(chambers))
+
+
+def _of_beam(table: Table, part: BeamPart, before: int) -> RobotPart:
+    """The robot that a tube or a rod is cut into, with its forces."""
+    beam, n_discs, robot = part
+    if beam is None or n_discs is None or robot is None:
+        read_forces(table, Discs([], [], None))
+        table.close()
+        return RobotPart(None, n_discs, None)
+    forces = read_forces(table, Discs(list(robot.discs), [beam.radius] * n_discs, n_discs))
+    table.close()
+    if len(table.faults) == before:
+        robot = table.make(replace, robot, forces=forces)
+    return RobotPart(robot, n_discs, len(robot.chambers), beam)
 
 
 def _numbered(table: Table, key: str) -> tuple[list[tuple[Table, int]], bool]:
@@ -158,6 +179,7 @@ def _read_chambers(table: Table, n_discs: int | None) -> list[Chamber | None] | 
         fields = {
             "areas": part.array("areas", (None,), AREA, default=None),
             "centroids": part.array("centroids", (None, 3), LENGTH, default=None),
+            "rated_pressure": part.number("rated_pressure", PRESSURE, default=None, positive=True),
             "radial_compliance": part.number(
                 "radial_compliance", COMPLIANCE, default=None, nonnegative=True
             ),

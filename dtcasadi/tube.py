@@ -15,6 +15,7 @@ p / (3 E t), with `last_disc` as long as the bend is small against r / L.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class Tube:
     chambers: int = 1
     strip_turns: Sequence[float] = ()
     rated_pressure: float | None = None
+    radial_compliance: float = 0.0
     retardation_time: float = 0.0
     posts: int = 4
     up: Sequence[float] | np.ndarray = (0.0, 1.0, 0.0)
@@ -69,7 +71,7 @@ class Tube:
         posts = checks.index("posts", self.posts, 4, MAX_POSTS)
         if posts % 2:  # the diagonals between them lean left and right in turn
             raise RobotError("posts", "an even number", posts)
-        turns = checks.array("strip_turns", self.strip_turns or np.zeros(0), (None,))
+        turns = checks.array("strip_turns", np.asarray(self.strip_turns, dtype=float), (None,))
         if len(turns) not in (0, max(n_chambers - 1, 0)):
             expected = f"one for each of the {n_chambers} chambers but the first"
             raise RobotError("strip_turns", expected, checks.shown(turns))
@@ -78,7 +80,7 @@ class Tube:
             poissons_ratio=ratio,
             chambers=n_chambers,
             posts=posts,
-            strip_turns=tuple(turns) or (0.0,) * max(n_chambers - 1, 0),
+            strip_turns=tuple(turns.tolist()) or (0.0,) * max(n_chambers - 1, 0),
             **checked_rest(self),
         )
 
@@ -102,17 +104,21 @@ class Tube:
         cut = Cut.of(
             self.length,
             n_discs,
-            np.array([0.0, offset, 0.0]),
+            offset,
             np.append(self.bend, self.twist),
             (0.0, *self.strip_turns),
         )
         area = math.pi * self.radius**2
+        pressed: dict[str, Any] = {
+            "rated_pressure": self.rated_pressure,
+            "radial_compliance": self.radial_compliance,
+        }
         return Robot(
             discs=cut.rings(self.mass_per_length, self.radius, self.payload, area),
             threads=tuple(segment.thread() for segment in cut.segments),
             springs=springs(map(self._wires, cut.segments), self.retardation_time),
             chambers=tuple(
-                Chamber((first, last), rated_pressure=self.rated_pressure)
+                Chamber((first, last), **pressed)
                 for first, last in zip((1, *cut.ends), cut.ends, strict=False)
             )[: self.chambers],
             up=np.asarray(self.up),
@@ -127,7 +133,7 @@ class Tube:
         stiffness = 2 * self.youngs_modulus * wall / n
         strip = self.fabric == "strip"
         # A post along the fabric would never change its length; one across a wound strip does.
-        angles = [k * step for k in range(1 if strip and not segment.angles[2] else 0, n)]
+        angles = [k * step for k in range(1 if strip and not segment.winding else 0, n)]
         arm = 0.0 if strip else segment.arm(r)
         posts = [segment.along(r, angle, angle, stiffness, arm) for angle in angles]
         span = _STRIP_SPAN * r if strip else 2 * r

@@ -331,4 +331,4 @@ def virtual_search(model: Model) -> Search:
 
     Of a model that is asked a few questions only; must come before its first equilibrium.
     """
-    return model.once("search", lambda: Search(model, balance(model.graphs[1]), (), None))
+    return model.once("search", lambda: Search(model, (), None))
