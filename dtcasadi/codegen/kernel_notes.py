@@ -88,6 +88,10 @@ NOTES = {
     "span_slopes": Note("wrenches of a unit of the forces' number, discs' frames", _LOAD),
     "span_energy": Note("energy of the forces between discs", ("energy [J]",)),
     "span_volume": Note("volume of the air between the discs", ("volume [m^3]",)),
+    "span_breath": Note(
+        "volume of the air between the discs and its rate",
+        ("volume [m^3]", "volume_rate [m^3/s]"),
+    ),
     "span_jacobian": Note("derivatives of the forces between discs", _JACOBIAN),
     "world_wrench": Note("forces of the world on the disc, its frame", _LOAD),
     "world_slopes": Note("wrench of a unit of the forces' number, the disc's frame", _LOAD),
@@ -133,6 +137,28 @@ NOTES = {
             "Y [N m s, N s]",
         ),
     ),
+    "power": Note("power of the loads on the disc", ("power [W]",)),
+    "actuated": Note(
+        "chamber pressures, and rates of the actuator's states",
+        ("chamber [Pa]", "state_rate [unit of the state/s]"),
+    ),
+    "observed": Note(
+        "what happens in the chambers, and the actuator's energies",
+        (
+            "chamber [Pa]",
+            "supply_flow [kg/s]",
+            "exhaust_flow [kg/s]",
+            "leak_flow [kg/s]",
+            "stored_energy [J]",
+            "supplied_power [W]",
+            "dissipated_power [W]",
+        ),
+    ),
+    "felt_by_chip": Note(
+        "angular rate and specific force along the chip's axes", ("felt [rad/s, m/s^2]",)
+    ),
+    "place_of": Note("position of a point of the disc in the root frame", ("place [m]",)),
+    "distance_of": Note("distance of two points", ("distance [m]",)),
     "mass_block": Note("eq (6), block of the mass matrix", ("M [kg m^2]",)),
     "diagonal_blocks": Note("derivatives of inverse dynamics, diagonal block", _JACOBIAN),
     "lower_blocks": Note("derivatives of inverse dynamics, block below", _JACOBIAN),
