@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Squares of states above this overflow soon; a state that is not finite fails the same comparison.
 _HUGE = 1e300
+# Of a step that is linearized, whose user reckons with errors: the last Newton correction's share.
+_SLACK_LINEARIZED = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class DiscreteModel:
             stage equations after the last Newton step [N m] (zero without an iteration).
         linearize: Function x, u, theta -> x_next, F_x (n_x, n_x), F_u (n_x, n_u),
             F_theta (n_x, n_theta), zero for the block `frames`.
+        linearize_checked: the same with `status` behind.
         ode: Function x, u, theta -> xdot, the continuous model.
         theta0: the robot's own parameters, then the biases of its sensors, shape (n_theta,).
         theta_blocks: name of each block of theta -> its slice.
@@ -50,6 +53,7 @@ class DiscreteModel:
     step: ca.Function
     checked: ca.Function
     linearize: ca.Function
+    linearize_checked: ca.Function
     ode: ca.Function
     theta0: np.ndarray
     theta_blocks: Mapping[str, slice]
@@ -63,8 +67,13 @@ class DiscreteModel:
     _layout: Layout
     _kept: dict[tuple[str, ...], Sensor] = field(default_factory=dict)
 
+    @property
+    def model(self) -> Model:
+        """The continuous model."""
+        return self._model
+
     def compiled(self, name: str) -> Bound:
-        """The C twin of `step`, `checked`, `linearize` or `ode`, one per thread.
+        """The C twin of one of the Functions above, one per thread.
 
         Raises:
             ModelError: another name.
@@ -77,7 +86,7 @@ class DiscreteModel:
         return Bound(function, matrices=MATRICES.intersection(function.name_out()))
 
     def plain(self, name: str) -> ca.Function:
-        """`step`, `checked`, `linearize` or `ode`, without a derivative of its own.
+        """One of the Functions above, without a derivative of its own.
 
         Raises:
             ModelError: another name.
@@ -207,14 +216,16 @@ def _functions(
     n_frames = at.theta.shape[0] - by.F_theta.shape[1]
     sides = [at.zeros(at.x.shape[0], n) for n in (n_frames, biases.shape[0])]
     by = by._replace(F_theta=ca.horzcat(sides[0], by.F_theta, sides[1]))
-    values = [ca.densify(value) for value in (step.x_next, *by)]
-    outputs = ["x_next", *by._fields]
+    parts = {"x_next": step.x_next, **by._asdict()}
+    blocks = {name: ca.densify(value) for name, value in parts.items()}
+    good = (ca.sumsqr(step.x_next) <= _HUGE) * (step.slack <= _SLACK_LINEARIZED)
+    found = {"linearize": blocks, "linearize_checked": blocks | {"status": 1 - good}}
     options = {"cse": True}
-    return {
-        "step": plain,
-        "checked": checked,
-        "linearize": ca.Function("linearize", ports, values, names, outputs, options),
+    linearized = {
+        name: ca.Function(name, ports, [*values.values()], names, [*values], options)
+        for name, values in found.items()
     }
+    return {"step": plain, "checked": checked, **linearized}
 
 
 def _error(field: str, expected: str, got: object) -> ModelError:

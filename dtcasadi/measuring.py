@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import casadi as ca
 import numpy as np
 
-from .actuation import measured_pressure
+from .actuation import observed
 from .errors import ModelError
 from .graphs import OPTIONS, Graphs
 from .integrators.step import At, Plant, first_order
@@ -136,19 +136,29 @@ def _at_state(
     g: Graphs, plant: Plant, at: At, reading: ca.Function
 ) -> tuple[ca.MX, tuple[ca.MX, ca.MX]]:
     """Values, and derivatives for x and for theta behind `frames`."""
-    q, qd, z = ca.vertsplit(at.x, plant.sizes)
-    n = plant.form.n_q
-    pressure, p_q, p_v, p_z, p_theta = measured_pressure(g)(q, qd, z, at.u, at.theta)
-    feels = reading.nnz_out(3) > 0
+    q, qd, _ = ca.vertsplit(at.x, plant.sizes)
+    n, n_z = plant.form.n_q, plant.form.n_z
+    feels, gauges = reading.nnz_out(3) > 0, reading.nnz_out(4) > 0
     qdd = plant.ode(at.x, at.u, at.theta)[n : 2 * n] if feels else at.zeros(n)
-    y, by_q, by_v, by_a, by_p, by_theta = reading(q, qd, qdd, pressure, at.theta)
-    p_q, p_v, p_z, p_theta = (ca.mtimes(by_p, slope) for slope in (p_q, p_v, p_z, p_theta))
-    H_x, by_theta = ca.horzcat(by_q + p_q, by_v + p_v, p_z), by_theta + p_theta
+    given = _pressure(g)(at.x, at.u, at.theta) if gauges else [at.zeros(at.u.shape[0])]
+    y, by_q, by_v, by_a, by_p, by_theta = reading(q, qd, qdd, given[0], at.theta)
+    H_x = ca.horzcat(by_q, by_v, at.zeros(y.shape[0], n_z))
+    if gauges:
+        H_x = H_x + ca.mtimes(by_p, given[1])
+        by_theta = by_theta + ca.mtimes(by_p, given[2])
     if feels:
         F_x, rest = first_order(plant, at)
         H_x = H_x + ca.mtimes(by_a, F_x[n : 2 * n, :])
         by_theta = by_theta + ca.mtimes(by_a, rest[n:, at.u.shape[0] :][:n, :])
     return y, (H_x, by_theta)
+
+
+def _pressure(g: Graphs) -> ca.Function:
+    """Gauge pressures at x, u, theta, with their derivatives for x and theta behind `frames`."""
+    q, qd, z = ca.vertsplit(g.x, [0, g.chain.n_q, 2 * g.chain.n_q, g.x.shape[0]])
+    value = observed(g, q, qd, z, g.u)[0].pressure
+    slopes = [ca.jacobian(value, g.x), ca.jacobian(value, g.theta)[:, g.n_frames :]]
+    return ca.Function("gauge_pressure", [g.x, g.u, g.theta], [value, *slopes], OPTIONS)
 
 
 def _biases(

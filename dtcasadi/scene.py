@@ -104,6 +104,8 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     smallest_step * = 1e-4      [s]
     bound_of *                  a shipped scene
 
+    [[sensors]] *, [estimation] *       what is measured and estimated: `dtcasadi.scene_sensors`
+
 Where a list with a number for each segment or chamber is asked for, one number stands for all. The
 angle of a rim point runs from the thread counterclockwise as seen from +z (`presets.rim`).
 
@@ -125,11 +127,13 @@ from . import checks
 from .actuation import settled
 from .charts import charts_of, convert
 from .errors import SceneError
+from .estimation import Estimation
 from .measure import Measure
 from .profile import Profile
 from .rediscretise import rediscretised
 from .robot import Robot
 from .rod import Rod
+from .sampled import Sensors
 from .scene_file import MAX_BYTES, is_name, read_scene
 from .scene_settings import DEFAULT_CHART
 from .scene_tables import printable
@@ -164,6 +168,8 @@ class Scene:
         step_s: step of a fixed-step method [s]; default: the method's choice.
         measure: what the stability map asks of a method.
         beam: the tube or the rod that the robot was cut from; None: its discs were given.
+        sensors: what is measured, values of `dtcasadi.sensors`.
+        estimation: what a filter knows, and the truth it is to find.
 
     Raises:
         SceneError: naming the field, what was expected and what was given.
@@ -186,6 +192,8 @@ class Scene:
     step_s: float | None = None
     measure: Measure = Measure()
     beam: Tube | Rod | None = None
+    sensors: Sensors = ()
+    estimation: Estimation | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""

@@ -147,14 +147,14 @@ def _read_thread(part: Table) -> Thread | None:
     length = part.number("length", LENGTH, positive=True)
     fields = {
         "exit_point": part.array("exit_point", (3,), LENGTH, default=None),
-        "bend": _read_rotation(part, "bend"),
-        "twist": _read_rotation(part, "twist"),
+        "bend": read_rotation(part, "bend"),
+        "twist": read_rotation(part, "twist"),
     }
     part.close()
     return part.make(Thread, length, **given(fields))
 
 
-def _read_rotation(part: Table, key: str) -> np.ndarray | None:
+def read_rotation(part: Table, key: str) -> np.ndarray | None:
     """Rx(a) Ry(b) Rz(c) from the angles (a, b, c)."""
     angles = part.array(key, (3,), ANGLE, default=None)
     if angles is None:

@@ -26,6 +26,10 @@ class Discrete(Protocol):
         """Function x, u, theta -> x_next, F_x, F_u, F_theta."""
 
     @property
+    def linearize_checked(self) -> ca.Function:
+        """The same with `status`, 0: good, behind."""
+
+    @property
     def theta0(self) -> np.ndarray:
         """The parameters, shape (n_theta,)."""
 
@@ -71,6 +75,7 @@ class Estimate:
         skipped: readings so far that were not finite numbers.
         gated: updates so far that were beyond the gate.
         recentred: how often the coordinates were re-centred so far.
+        failed: predictions and updates so far that could not be taken.
         failure: why the last step could not be taken (x, P and theta are those before it), or ''.
     """
 
@@ -83,12 +88,17 @@ class Estimate:
     skipped: int = 0
     gated: int = 0
     recentred: int = 0
+    failed: int = 0
     failure: str = ""
 
     @property
     def sigma(self) -> np.ndarray:
         """Standard deviations of [x; the estimated entries of theta], shape (n_z,)."""
         return np.sqrt(np.diag(self.P))
+
+    def failing(self, failure: str, **values: Any) -> Estimate:
+        """The same, with the news of one more failure."""
+        return replace(self, failure=failure, failed=self.failed + 1, **values)
 
     def replaced(self, **values: Any) -> Estimate:
         """The same with other values."""

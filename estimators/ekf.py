@@ -99,7 +99,7 @@ class EKF:
         bound = self._compiled("predict", self._predict)
         x, P, status = bound(est.x, est.P, u, est.theta)
         if status[0] != 0 or not np.all(np.isfinite(np.diag(P))):
-            return est.replaced(failure="predict: the step gave a state that is not finite")
+            return est.failing("predict: the step did not converge to finite states")
         x, theta, T = self.discrete.recentre(x, est.theta)
         if theta is est.theta or np.array_equal(theta, est.theta):
             return est.replaced(x=x, P=P, failure="")
@@ -138,7 +138,7 @@ class EKF:
         counts = {"nis": float(nis[0]), "used": int(used[0]), "believed": bool(believed[0])}
         if not (np.all(np.isfinite(x)) and np.all(np.isfinite(np.diag(P)))):
             failure = f"update with {'+'.join(names)}: the result is not finite"
-            return est.replaced(skipped=skipped, failure=failure)
+            return est.failing(failure, skipped=skipped)
         if not counts["believed"]:
             return est.replaced(skipped=skipped, gated=est.gated + 1, failure="", **counts)
         return est.replaced(x=x, P=P, theta=theta, skipped=skipped, failure="", **counts)

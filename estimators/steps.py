@@ -12,8 +12,6 @@ from dtcasadi.measuring import Sensor
 from .base import Discrete, ProcessNoise
 from .covariance import predicted, updated
 
-# Squares of states above this overflow soon; a state that is not finite fails the same comparison.
-_HUGE = 1e300
 OPTIONS = {"cse": True}
 
 
@@ -81,19 +79,19 @@ def setting(
 
 
 def prediction(s: Setting) -> Pair:
-    """Functions predict: x, P, u, theta -> x_next, P_next, status (0: the step is finite)."""
+    """Functions predict: x, P, u, theta -> x_next, P_next, status of the step, 0: good."""
     return Pair(*(_prediction(s, native=native) for native in (False, True)))
 
 
 def _prediction(s: Setting, *, native: bool) -> ca.Function:
     x, P, u, theta = s.ports()
-    linearize = s.discrete.native("linearize") if native else s.discrete.linearize
+    name = "linearize_checked"
+    linearize = s.discrete.native(name) if native else s.discrete.linearize_checked
     # Inlined, so that derivatives nobody asks for are not computed.
-    x_next, F_x, _, F_theta = linearize.call([x, u, theta], True, False)
+    x_next, F_x, _, F_theta, status = linearize.call([x, u, theta], True, False)
     F = ca.horzcat(F_x, F_theta[:, list(s.free)])
     G = ca.mtimes(F_theta[:, list(s.pushed)], ca.diag(ca.DM(s.noise)))
     P_next = predicted(F, G, P, ca.MX(ca.DM(s.Q)), native=native)
-    status = 1 - (ca.sumsqr(x_next) <= _HUGE)
     ports = {"x_next": x_next, "P_next": ca.densify(P_next), "status": status}
     names = ["x", "P", "u", "theta"]
     return ca.Function("predict", [x, P, u, theta], [*ports.values()], names, [*ports], OPTIONS)

@@ -38,6 +38,15 @@ class LinearDiscrete:
         names = ["x_next", "F_x", "F_u", "F_theta"]
         return ca.Function("linearize", [x, u, theta], parts, ["x", "u", "theta"], names)
 
+    @property
+    def linearize_checked(self) -> ca.Function:
+        x, u, theta = self._symbols()
+        parts = self.linearize(x, u, theta)
+        status = 1 - (ca.sumsqr(parts[0]) <= 1e300)
+        names = [*self.linearize.name_out(), "status"]
+        ports = ["x", "u", "theta"]
+        return ca.Function("linearize_checked", [x, u, theta], [*parts, status], ports, names)
+
     def native(self, name: str) -> ca.Function:
         return getattr(self, name)
 

@@ -16,6 +16,7 @@ COMMANDS = {
     "simulate": "simulate a scene",
     "statics": "find where a robot rests, or follow that under changing loads",
     "codegen": "write the functions of a scene as C or text, for other programs",
+    "estimate": "estimate a robot's state and a contact force from its sensors",
     "bench": "time the compiled functions on this machine",
     "doctor": "show what this installation has, what is missing, and what to do about it",
 }

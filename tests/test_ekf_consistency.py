@@ -1,0 +1,125 @@
+"""The filter on the four-disc robot: its covariance is that of its errors, and it recovers."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import dtcasadi as dtc
+from dtcasadi.discrete import DiscreteModel
+from dtcasadi.measuring import Sensor
+from dtcasadi.presets import seed_four_disc
+from dtcasadi.sensors import IMU, Marker, PressureSensor
+from estimators import EKF
+
+STEP = 0.005
+SENSORS = (
+    PressureSensor(name="air", noise=0.05),
+    IMU(name="chip3", disc=3, noise=0.05),
+    IMU(name="chip4", disc=4, noise=0.05),
+    Marker(name="tip", disc=4, noise=0.01),
+)
+TOGETHER = ("air", "chip3", "chip4", "tip")
+
+
+@pytest.fixture(scope="module")
+def discrete() -> DiscreteModel:
+    model = dtc.build(seed_four_disc(), chart="planar", actuator="regulator")
+    return model.discrete(STEP, method="sdirk2", sensors=SENSORS)
+
+
+def noise(n_q: int, n_z: int) -> np.ndarray:
+    """Variances of a step: angles, rates, pressures."""
+    return np.concatenate([np.full(n_q, 1e-8), np.full(n_q, 1e-5), np.full(n_z, 1e-4)])
+
+
+def nees_in_band(discrete: DiscreteModel, filtered: object, runs: int, steps: int) -> float:
+    """Share of runs and times with e^T P^-1 e inside its two-sided 95 % band.
+
+    The truth moves by `discrete`, with the filter's own noise and start; the filter has `filtered`.
+    """
+    rng = np.random.default_rng(5)
+    model = discrete.model
+    Q = noise(model.n_q, 1)
+    # Small enough that the second-order terms of the readings, ruled out by theory, stay below
+    # their noise: 0.02 rad squared times a radius of 1 m is 4e-4 of 1e-2 m.
+    P0 = np.concatenate([np.full(model.n_q, 0.02), np.full(model.n_q, 0.02), [0.1]]) ** 2
+    mean = np.concatenate([0.1 * np.ones(model.n_q), np.zeros(model.n_q), [9.0]])
+    ekf = EKF(filtered, x0=mean, P0=P0, Q_w=Q)  # type: ignore[arg-type]
+    step, sensor = discrete.compiled("step"), discrete.together(TOGETHER)
+    u, theta = np.array([10.0]), discrete.theta0
+    R = np.sqrt(np.diag(sensor.R_v))
+    low, high = chi2.interval(0.95, model.n_x)
+    inside = []
+    for _ in range(runs):
+        x, est = mean + np.sqrt(P0) * rng.normal(size=model.n_x), ekf.start
+        for _ in range(steps):
+            y = sensor.output(x, u, theta).full()[:, 0] + R * rng.normal(size=len(R))
+            est = ekf.update(est, y, TOGETHER, u)
+            e = x - est.x
+            inside.append(low <= e @ np.linalg.solve(est.P, e) <= high)
+            x = step(x, u, theta)[0] + np.sqrt(Q) * rng.normal(size=model.n_x)
+            est = ekf.predict(est, u)
+    return float(np.mean(inside))
+
+
+def test_errors_are_as_large_as_the_covariance_says(discrete):
+    # 0.95 is what theory expects; 12 runs of 40 correlated errors each scatter by about 0.02.
+    assert nees_in_band(discrete, discrete, 12, 40) >= 0.90
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_the_covariance_says_in_100_runs(discrete):
+    assert nees_in_band(discrete, discrete, 100, 200) >= 0.90
+
+
+@dataclass(frozen=True, eq=False)
+class Flipped:
+    """The discrete model with one derivative's sign wrong."""
+
+    true: DiscreteModel
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.true, name)
+
+    def together(self, names: tuple[str, ...]) -> Sensor:
+        sensor = self.true.together(names)
+        ports = [ca.MX.sym(n, sensor.linearize.size1_in(n)) for n in ("x", "u", "theta")]
+        y, H_x, H_theta = sensor.linearize(*ports)
+        signs = np.ones(self.true.model.n_x)
+        signs[self.true.model.n_q + 2] = -1
+        outputs, names_out = (
+            [y, ca.mtimes(H_x, ca.diag(ca.DM(signs))), H_theta],
+            ["y", "H_x", "H_theta"],
+        )
+        wrong = ca.Function("sensor", ports, outputs, ["x", "u", "theta"], names_out)
+        return replace(sensor, linearize=wrong, native=wrong)
+
+
+def test_a_derivative_of_the_wrong_sign_shows(discrete):
+    # 0.95 with the right sign.
+    assert nees_in_band(discrete, Flipped(discrete), 4, 40) < 0.5
+
+
+def test_it_starts_exactly_straight_and_survives_a_dead_sensor(discrete):
+    model = discrete.model
+    n = model.n_x
+    ekf = EKF(discrete, x0=np.zeros(n), P0=np.full(n, 0.01), Q_w=noise(model.n_q, 1), gate=1e-6)
+    x, est, u = np.zeros(n), ekf.start, np.array([5.0])
+    step, theta = discrete.compiled("step"), discrete.theta0
+    for k in range(400):
+        for name in ("air", "tip", "chip4"):
+            y = discrete.sensors[name].output(x, u, theta).full()[:, 0]
+            if name == "chip4" and k > 100:
+                y[:] = np.nan
+            if name == "tip" and 200 <= k < 210:
+                y += 50.0
+            est = ekf.update(est, y, name, u)
+        assert not est.failure
+        x, est = step(x, u, theta)[0], ekf.predict(est, u)
+    assert est.skipped == 6 * 299 and est.gated == 10
+    np.linalg.cholesky(est.P)
+    # Exact readings: what is left is the drift of the pressure within its noise.
+    np.testing.assert_allclose(est.x[: model.n_q], x[: model.n_q], atol=5e-3)

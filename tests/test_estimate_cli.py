@@ -1,0 +1,87 @@
+"""`dtcasadi estimate`, and the tables of a scene that it reads."""
+
+import json
+
+import numpy as np
+import pytest
+from scene_texts import SMALL
+
+import dtcasadi as dtc
+from dtcasadi.cli import main
+from dtcasadi.errors import SceneError
+from dtcasadi.scene import parse_scene
+
+TABLES = """
+[[sensors]]
+name = "tip"
+kind = "marker"
+disc = 2
+noise_mm = 5
+[[sensors]]
+name = "chip"
+kind = "imu"
+disc = 2
+gyroscope_noise = 0.01
+accelerometer_noise = 0.1
+[estimation]
+step = 0.02
+angle_sigma = 0.05
+offset = 0.02
+contact_force = [0, 0.5, 0]
+contact_from = 0.2
+contact_to = 0.4
+"""
+
+
+def test_the_shipped_scene_has_what_it_takes():
+    scene = dtc.load_scene("estimation/tentacle")
+    assert [sensor.name for sensor in scene.sensors] == ["gauge", "chip3", "chip4", "tip"]
+    assert scene.estimation is not None and scene.estimation.step_s == 0.0025
+    np.testing.assert_allclose(scene.estimation.contact(2.5), [0.05, 0.1, 0])
+    assert not scene.estimation.contact(3.5).any()
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    text = SMALL.replace("t_end = 3", "t_end = 0.5").replace("count = 3", "count = 2")
+    text = text.replace("count = 2\nlength", "length")
+    path = tmp_path_factory.mktemp("scene") / "small.toml"
+    path.write_text(text + '[model]\nchart = "planar"\n' + TABLES)
+    return path
+
+
+def test_a_scene_is_simulated_filtered_and_drawn(scene_file, tmp_path, capsys):
+    files = {name: str(tmp_path / name) for name in ("a.png", "a.json", "a.csv")}
+    words = ["--png", files["a.png"], "--json", files["a.json"], "--save-log", files["a.csv"]]
+    assert main(["estimate", str(scene_file), *words]) == 0
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert record["schema"] == 1 and record["ekf"]["steps"] == 25
+    assert record["ekf"]["failed"] == 0 and record["ekf"]["rms"] < 0.05
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    capsys.readouterr()
+    assert main(["estimate", str(scene_file), files["a.csv"]]) == 0
+    assert "25 steps" in capsys.readouterr().out
+
+
+def test_a_bad_log_is_one_line(scene_file, tmp_path, capsys):
+    log = tmp_path / "bad.csv"
+    log.write_text("t [s],tip.x [m]\n0,1\n0.02,fast\n")
+    assert main(["estimate", str(scene_file), str(log)]) == 2
+    assert "line 3: tip.x: expected a number, got 'fast'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('kind = "marker"', 'kind = "radar"', r"sensors\[1\].kind: expected pressure, imu"),
+        ("disc = 2\nnoise", "disc = 9\nnoise", r"sensors\[1\].disc: expected an integer from 1 to"),
+        ('"chip"', '"tip"', r"sensors\[2\].name: expected a name of its own"),
+        ("step = 0.02", "step = -1", "estimation.step: expected a finite non-negative number"),
+        ("noise_mm", "nose_mm", r"sensors\[1\].nose_mm: expected one of .*did you mean noise_mm"),
+    ],
+)
+def test_faults_in_the_tables_are_named(scene_file, old, new, line):
+    text = scene_file.read_text()
+    assert old in text
+    with pytest.raises(SceneError, match=line):
+        parse_scene(text.replace(old, new).encode())
