@@ -1,5 +1,6 @@
 """Exported C on SIMD lanes: built from its folder, called from C, held against single calls."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from c_compilers import needs_compiler, needs_cxx
 from test_export_programs import SANITIZED, STRICT, run
 
 import dtcasadi as dtc
+from dtcasadi import cli
 from dtcasadi.errors import ModelError
 
 DRIVER = Path(__file__).with_name("export_batch.c")
@@ -66,6 +68,19 @@ def test_cmake_builds_the_batch(folder, tmp_path):
     run(["cmake", "-S", folder, "-B", tmp_path], tmp_path)
     run(["cmake", "--build", tmp_path, "--target", "arm_simd"], tmp_path)
     assert list(tmp_path.glob("libarm_simd.*"))
+
+
+@needs_compiler
+@needs_cxx
+def test_the_command_tries_the_batch(tmp_path, capsys, monkeypatch):
+    words = ["codegen", "seed_four_disc", "--functions", "gravity", "--simd", "-o"]
+    record = tmp_path / "record.json"
+    assert cli.main([*words, str(tmp_path / "a"), "--json", str(record)]) == 0
+    assert json.loads(record.read_text())["lanes_compile_seconds"] > 0
+    assert "SIMD lanes compile in" in capsys.readouterr().out
+    monkeypatch.setenv("DTCASADI_CXX", "none")
+    assert cli.main([*words, str(tmp_path / "b")]) == 0
+    assert "SIMD lanes not compiled: no C++ compiler" in capsys.readouterr().out
 
 
 def test_what_lanes_cannot_take_is_refused(tmp_path):

@@ -67,6 +67,8 @@ def _shape(port: dict) -> str:
 def _try_compiler(exported: "Exported", report: Report) -> None:
     from ..codegen.build import trial_build
     from ..codegen.c import FLAGS
+    from ..codegen.simd import OPTIONS
+    from ..compiler import CXX
 
     report.note(compile_seconds=None, compiler=None)
     sources = [path for path in exported.files if path.suffix == ".c"]
@@ -80,4 +82,15 @@ def _try_compiler(exported: "Exported", report: Report) -> None:
         "compiles in {compile_seconds:.2f} s with {compiler}",
         compile_seconds=built.seconds,
         compiler=built.compiler,
+    )
+    if not any(path.suffix == CXX.suffix for path in exported.files):
+        return
+    lanes = trial_build(exported.files, OPTIONS, CXX)
+    if lanes is None:
+        print("  SIMD lanes not compiled: no C++ compiler")
+        return
+    report.line(
+        "SIMD lanes compile in {lanes_compile_seconds:.2f} s with {lanes_compiler}",
+        lanes_compile_seconds=lanes.seconds,
+        lanes_compiler=lanes.compiler,
     )

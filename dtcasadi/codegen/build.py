@@ -8,7 +8,9 @@ from pathlib import Path
 
 from ..compiler import (
     DEFAULT_TIMEOUT_S,
+    C,
     Compiler,
+    Language,
     build_files,
     compiler_named,
     failure_text,
@@ -40,20 +42,23 @@ class Build:
     compiler: str
 
 
-def trial_build(files: Sequence[Path], flags: Sequence[str]) -> Build | None:
-    """Compile and link C files into a program that is thrown away.
+def trial_build(
+    files: Sequence[Path], flags: Sequence[str], language: Language = C
+) -> Build | None:
+    """Compile the files of a language to something that is thrown away; C is linked as well.
 
     Returns:
-        None where there is no C compiler, or it is switched off.
+        None where there is no compiler, or it is switched off.
 
     Raises:
         CompileError: the compiler fails; its first error lines and the command.
     """
-    compiler = find_compiler()
+    compiler = find_compiler(language)
     if compiler is None:
         return None
-    target = target_of(compiler, ("-std=c99", *flags))
-    sources = [str(path.absolute()) for path in files if path.suffix == ".c"]
+    kind = ("-std=c99",) if language is C else ("-std=c++17", "-c")
+    target = target_of(compiler, (*kind, *flags))
+    sources = [str(path.absolute()) for path in files if path.suffix == language.suffix]
     with tempfile.TemporaryDirectory(prefix="dtcasadi-") as folder:
         start = time.perf_counter()
         build_files(compiler, target.flags, sources, Path(folder) / "trial", DEFAULT_TIMEOUT_S)
