@@ -90,7 +90,11 @@ def _error(export: Export, function: Exposed, single: _Single) -> Error:
     errors, failed = [], 0
     for _ in range(N_STATES):
         arrays = [random_port(export, port, rng) for port in function.inputs]
-        exact = [np.ravel(value.full(), order="F") for value in function.function.call(arrays)]
+        shaped = [
+            array.reshape((port.rows, port.columns), order="F")
+            for array, port in zip(arrays, function.inputs, strict=True)
+        ]
+        exact = [np.ravel(value.full(), order="F") for value in function.function.call(shaped)]
         worst = 0.0
         for port, value, rounded in zip(function.outputs, exact, single(arrays), strict=True):
             if port.name == "status":
@@ -103,7 +107,14 @@ def _error(export: Export, function: Exposed, single: _Single) -> Error:
 
 
 def random_port(export: Export, port: Port, rng: np.random.Generator) -> np.ndarray:
-    """A random argument in single precision, flat; theta as it is."""
+    """A random argument in single precision, flat; theta as it is.
+
+    A square matrix is drawn symmetric positive definite, as covariances and weights are.
+    """
+    if port.rows == port.columns > 1:
+        root = rng.normal(size=(port.rows, port.rows))
+        square = np.eye(port.rows) + root @ root.T / port.rows
+        return square.ravel().astype(np.float32).astype(float)
     if port.name == "theta" and export.theta0 is not None:
         return export.theta0
     command = 1.0 if export.motion is None else float(np.max(np.abs(export.motion.command.values)))
