@@ -31,8 +31,8 @@ def ekf() -> EKF:
         np.array([1.0, 2.0]),
         {"mass": slice(0, 2)},
     )
-    start = {"x0": np.ones(N), "P0": np.full(N + 2, 0.5), "Q_w": np.full(N + 2, 0.01)}
-    return EKF(toy, **start, augment=("mass",), gate=1e-3)
+    P0, Q_w = np.full(N + 2, 0.5), np.full(N + 2, 0.01)
+    return EKF(toy, x0=np.ones(N), P0=P0, Q_w=Q_w, augment=("mass",), gate=1e-3)
 
 
 def test_the_exported_filter_gives_the_numbers_of_the_one_in_python(ekf, rng, tmp_path):
