@@ -65,6 +65,11 @@ class Run:
     wall_time: float
     dense: Dense = field(repr=False)
 
+    def __repr__(self) -> str:
+        """How it went, on one line."""
+        outcome = "success" if self.success else "failed"
+        return f"Run({outcome}: {self.message})"
+
     @property
     def y(self) -> np.ndarray:
         """The states, by SciPy's name."""
@@ -113,7 +118,10 @@ class Run:
         Raises:
             SimulationError: times that do not increase, or outside the run.
         """
-        moments = np.asarray(times, dtype=float)
+        try:
+            moments = np.asarray(times, dtype=float)
+        except (TypeError, ValueError):
+            moments = np.array([np.nan])
         first, last = self.t[0], self.t[-1]
         inside = moments.ndim == 1 and np.all((moments >= first) & (moments <= last))
         if not inside or np.any(np.diff(moments) < 0):

@@ -195,6 +195,10 @@ class Scene:
     sensors: Sensors = ()
     estimation: Estimation | None = None
 
+    def __repr__(self) -> str:
+        """Name and title on one line."""
+        return f"Scene({self.name}: {self.title})"
+
     def __post_init__(self) -> None:
         """Check every field."""
         if not isinstance(self.name, str) or not is_name(self.name):

@@ -74,7 +74,8 @@ def simulate(
     scene = subject if isinstance(subject, Scene) else None
     model = scene.build() if scene else subject
     if not isinstance(model, Model):
-        raise SimulationError(f"expected a Scene or a Model, got {checks.shown(subject)}")
+        hint = "; dtc.load_scene takes names and paths" if isinstance(subject, str) else ""
+        raise SimulationError(f"expected a Scene or a Model, got {checks.shown(subject)}{hint}")
     if x0 is None:
         if scene is None:
             raise SimulationError("x0: expected the initial state of the model, got None")

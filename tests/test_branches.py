@@ -230,7 +230,7 @@ def test_parameter_of_the_robot_and_charts_that_recentre():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("presure", 0, 1), "parameter: expected pressure, tau, or an entry"),
+        (("presure", 0, 1), "parameter: expected pressure, tau, an entry"),
         (("pressure[2]", 0, 1), "parameter: pressure: expected an integer from 1 to 1, got 2"),
         (("pressure", 0, 0), "stop: expected a value other than start, got 0"),
         (("pressure", 0, np.inf), "stop: expected a finite number, got inf"),

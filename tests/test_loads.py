@@ -71,7 +71,7 @@ def test_they_enter_every_form_of_the_dynamics(rng):
     pd_without = numbers(without.canonical_ode, q, p_of_qd, pressure, tau, theta)[1]
     assert error(pd - pd_without, Q) < CONDITIONED
     x = np.concatenate([q, qd])
-    supplied, dissipated = numbers(model.power, x, pressure, theta)
+    supplied, dissipated, _ = numbers(model.power, x, pressure, theta)
     before = numbers(without.power, x, pressure, theta)
     dead = dtc.build(with_forces(plain, loads[0]), chart=list(CHARTS))
     stored = qd @ numbers(dead.forces, q, qd, theta)

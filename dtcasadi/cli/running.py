@@ -112,6 +112,9 @@ def health(run: "Run", report: Report) -> None:
     if run.choice:
         report.line("why: {choice}", choice=run.choice)
     energy = run.energy
+    if not np.all(np.isfinite([values[-1] for values in energy.values()])):
+        report.line("energies and tensions of the last states are beyond what numbers can hold")
+        return
     report.line(
         "energy: kinetic {kinetic_J:.4g} J, potential {potential_change_J:+.4g} J since the start, "
         "supplied {supplied_J:.4g} J, dissipated {dissipated_J:.4g} J",

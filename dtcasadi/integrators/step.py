@@ -1,6 +1,6 @@
 """What every one-step method is given and gives back, as CasADi expressions (SX or MX)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
@@ -150,7 +150,11 @@ def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
 
 
 def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
-    """Exact derivatives of any step by automatic differentiation of its graph."""
+    """Exact derivatives of any step by automatic differentiation of its graph.
+
+    Hand-written C has no derivative in CasADi but finite differences: solves are CasADi's own here.
+    """
+    plant = replace(plant, native=False)
     x, u, du, h, theta = (
         plant.kind.sym(name, *part.shape) for name, part in zip(At._fields, at, strict=True)
     )

@@ -76,6 +76,10 @@ class Branch:
     limits: tuple[float, float]
     wall_time: float
 
+    def __repr__(self) -> str:
+        """Size and outcome on one line."""
+        return f"Branch({len(self.s)} points, {len(self.events)} events: {self.message})"
+
     @property
     def stable(self) -> np.ndarray:
         """Whether each point is stable, shape (n,)."""

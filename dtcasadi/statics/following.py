@@ -60,7 +60,11 @@ def follow(
         trace.append(tracer.centred(after))
         s = after.found.s
         if s in limits:
-            return Trace(trace, special, f"reached s = {s:g} in {len(trace)} points", True)
+            way = [point.found.s for point in trace]
+            far = max(way, key=lambda value: abs(value - way[0]))
+            turned = "" if far in limits else f" (turned back at s = {far:g})"
+            message = f"reached s = {s:g} in {len(trace)} points{turned}"
+            return Trace(trace, special, message, True)
         if _closed(tracer, trace):
             message = f"came back to its first point after {len(trace)} points"
             return Trace(trace, special, message, True)

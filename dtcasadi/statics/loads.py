@@ -101,7 +101,11 @@ def _place(model: Model, name: object) -> tuple[str, slice]:
     block = match[1] if match else name
     if block not in places:
         known = ", ".join(places)
-        raise load_error("parameter", f"{known}, or an entry such as tau[1]", checks.shown(name))
+        expected = (
+            f"{known}, an entry such as tau[1], or what the model was built to leave free "
+            "(parameters=..., wrenches=...; on the command line --wrench)"
+        )
+        raise load_error("parameter", expected, checks.shown(name))
     part, place = places[block]
     count = place.stop - place.start
     if match is None:
