@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import inflation
+import presets
 
 import dtcasadi as dtc
 from dtcasadi import plots
@@ -17,4 +18,5 @@ if __name__ == "__main__":
     model = dtc.load_scene("seed_four_disc").build()
     static_plots.diagram(dtc.branch(model, "pressure", 0.5, 20.0), FOLDER / "equilibria.png")
     inflation.draw(FOLDER / "inflation.png")
+    presets.draw(FOLDER / "presets.png")
     print(f"drawn into {FOLDER}: {run.message}")

@@ -19,6 +19,7 @@ _SHARE_SIZE, _SOFTER = 8, 4.0
 _ROUND_OFF = 1e-8
 _PRINTED = (
     *("tip_load_1_drop", "tip_load_10_drop", "heavy_elastica_5_drop", "end_moment_circle"),
+    "inflated_tube",
     *("euler", "greenhill", "beck", "beck_damped", "cantilever_f1", "cantilever_f2"),
     *("hanging_chain_1", "n_pendulum_3", "large_pendulum", "torque_free_energy", "sleeping_top"),
 )

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..statics import Equilibrium
 
-# GA l^2 / EI of a segment l: so stiff in shear that its share is below a fiftieth of the error at
-# any number of discs, and soft enough to leave the bending its digits.
+# GA l^2 / EI of a segment l: so stiff that shear has a small share in the errors at any number of
+# discs, most often below a fiftieth, and soft enough to leave the bending its digits.
 SHEAR = 1e4
 FORCES, WEIGHTS = (0.5, 1, 2, 5, 10), (1, 5, 10)
 _SHAPE = ("drop", "shortening", "angle")
@@ -36,6 +36,7 @@ def beam_references() -> dict[str, float]:
     known["end_moment_circle"] = 1 / (4 * math.pi)
     known["beck"] = references.beck()
     known["beck_damped"] = references.beck_damped()
+    known["inflated_tube"] = 1.0
     known |= {f"cantilever_f{k}": f for k, f in enumerate(references.cantilever(3), 1)}
     return known
 
@@ -83,6 +84,7 @@ class Column:
         found["end_moment_circle"] = self._circle()
         found["beck"] = self._beck()
         found["beck_damped"] = self._beck_damped()
+        found["inflated_tube"] = inflated_tube(self.n_discs)
         frequencies = self._straight().frequencies
         return found | {f"cantilever_f{k + 1}": float(frequencies[k]) for k in range(3)}
 
@@ -152,6 +154,23 @@ class Column:
             return float(w @ elastic @ v / (w @ small.M @ v))
 
         return float(brentq(taken, 5.0, 18.0, rtol=1e-9))
+
+
+def inflated_tube(n_discs: int) -> float:
+    """Angle [rad] that a tube with a strip takes under the pressure 3 E t / L: one, by p / (3 E t).
+
+    Five diameters long, without weight; inflated by `volume`.
+    """
+    from ..model import build
+    from ..robot import Robot
+    from ..statics import equilibrium
+    from ..statics.search import virtual_search
+
+    wall = 0.01
+    tube = Robot.from_tube(1.0, 0.1, wall, 1.0, 0.5, 1.0, n_discs, gravity=0.0)
+    model = build(tube, chart="planar", inflation="volume")
+    virtual_search(model)
+    return float(equilibrium(model, 3 * wall).q.sum())
 
 
 def _named(name: str, load: float, values: tuple[float, float, float]) -> dict[str, float]:
