@@ -46,11 +46,13 @@ def picture(
     slope = 1.2 * (segments[0] / np.array(segments)) ** 2
     panels[0].loglog(segments, slope, color=GREY, linestyle=":", label="order 2")
     panels[0].set_xticks(segments, [str(n) for n in sizes])
+    panels[0].minorticks_off()
     panels[0].set_xlabel("number of discs")
     panels[0].set_ylabel("relative error, absolute value")
     if timed:
         _errors(panels[1], anchors, sizes, [cost[n]["ode_us"] for n in sizes])
         panels[1].xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        panels[1].minorticks_off()
         panels[1].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         panels[1].set_xlabel("one call of the state equation, compiled [μs]")
     handles, labels = panels[0].get_legend_handles_labels()
@@ -66,5 +68,4 @@ def _errors(axes: Axes, anchors: Mapping[str, Any], sizes: list[int], x: Sequenc
         rows = anchors[name]["by_discs"]
         errors = [abs(rows[str(n)]["relative_error"]) for n in sizes]
         axes.loglog(x, errors, color=colour, marker=marker, markersize=4, label=label)
-    axes.minorticks_off()
     axes.grid(color="#dddddd", linewidth=0.6)
