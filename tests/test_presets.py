@@ -92,7 +92,7 @@ def test_the_tentacle_warns_before_it_bursts():
         warn_above_rating(robot, np.array([[20e3, 31e3]]))
 
 
-def test_a_simulation_warns_above_the_rating():
+def test_simulation_and_statics_warn_above_the_rating():
     tube = dtc.Robot.from_tube(
         *(0.2, 0.02, 2e-3, 1e6, 0.5, 1000.0, 2), retardation_time=0.1, rated_pressure=1e3
     )
@@ -100,6 +100,8 @@ def test_a_simulation_warns_above_the_rating():
     with pytest.warns(PressureWarning, match="reaches 1100 Pa"):
         dtc.simulate(light, np.zeros(4), pressure=1.1e3, t_end=1e-3)
     dtc.simulate(light, np.zeros(4), pressure=1e3, t_end=1e-3)
+    with pytest.warns(PressureWarning, match="reaches 1200 Pa"):
+        dtc.equilibrium(light, 1.2e3)
 
 
 # ---- the joint -----------------------------------------------------------------------------------

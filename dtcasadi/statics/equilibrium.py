@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..errors import StaticsError
 from ..model import Model
+from ..ratings import warn_above_rating
 from ..recentring import chart_limit
 from .continuation import Tracer
 from .following import follow
@@ -150,9 +151,13 @@ def equilibrium(
 
     Raises:
         StaticsError: an argument cannot be used; the text says what was expected.
+
+    Warns:
+        PressureWarning: a chamber's pressure is beyond what it is rated for.
     """
     start = time.perf_counter()
     path, q = checked(model, pressure, guess, theta, tau)
+    warn_above_rating(model.robot, path.pressure[:, np.newaxis])
     search = search_of(model)
     count = Counter()
     hint = "try another guess"
