@@ -8,6 +8,8 @@ import numpy as np
 from .errors import SceneError
 from .forces.protocol import Force
 from .robot import Robot
+from .sampled import Sampled
+from .sensors import Lengths
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -22,7 +24,8 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
         raise _error("chart", "one chart for all segments", "one for each")
     cut = scene.beam.robot(n_discs)
     before, after = _places(scene.robot), _places(cut)
-    forces = tuple(_moved(force, before, after) for force in scene.robot.forces)
+    nearest = {i: int(np.argmin(np.abs(after - x))) + 1 for i, x in enumerate(before, 1)}
+    forces = tuple(_moved(force, nearest) for force in scene.robot.forces)
     middles, new_middles = _middles(before), _middles(after)
     poses = []
     for values in (scene.q0, scene.qd0):
@@ -35,6 +38,7 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
         q0=poses[0],
         qd0=poses[1],
         initial_chart=charts.pop(),
+        sensors=tuple(_sensor_moved(sensor, nearest) for sensor in scene.sensors),
     )
 
 
@@ -48,14 +52,22 @@ def _middles(places: np.ndarray) -> np.ndarray:
     return (places[1:] + places[:-1]) / 2
 
 
-def _moved(force: Force, before: np.ndarray, after: np.ndarray) -> Force:
-    """The force on the disc nearest to where it was."""
+def _moved(force: Force, nearest: dict[int, int]) -> Force:
     number = getattr(force, "disc", None)
     if number is None:
         raise _error("robot.forces", "forces on single discs", type(force).__name__)
-    nearest = int(np.argmin(np.abs(after - before[number - 1]))) + 1
-    changes: dict[str, Any] = {"disc": max(nearest, 2)}
+    changes: dict[str, Any] = {"disc": max(nearest[number], 2)}
     return replace(force, **changes)
+
+
+def _sensor_moved(sensor: Sampled, nearest: dict[int, int]) -> Sampled:
+    changes: dict[str, Any] = {}
+    if hasattr(sensor, "disc"):
+        changes["disc"] = nearest[sensor.disc]
+    if isinstance(sensor, Lengths):
+        spans = (tuple((nearest[disc], point) for disc, point in span) for span in sensor.spans)
+        changes["spans"] = tuple(spans)
+    return replace(sensor, **changes)
 
 
 def _error(name: str, expected: str, got: str) -> SceneError:

@@ -42,15 +42,12 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     [robot.damping] *           c_a *, c_b *, c_w *, c_r * [N m s/rad] of every segment, or
     [[robot.damping]]           n - 1 tables, count * as above
 
-    [robot.tube] or [robot.rod] instead of discs, threads, springs, chambers and damping: a robot
-                                that can be cut into any number of discs
-    n_discs, length, radius, wall_thickness, youngs_modulus (also _mpa), poissons_ratio, density,
-    fabric * = "strip" | "axis", chambers *, strip_turns *, posts *, and as of a chamber
-    rated_pressure *, radial_compliance *                          of a tube, see `Robot.from_tube`
-    n_discs, length, bending_stiffness [N m^2], shear_stiffness [N], twisting_stiffness [N m^2],
-    mass_per_length, radius *, [[robot.rod.cells]] * with area, centroid = [x, y], rated_pressure *
-                                                                   of a rod, see `Robot.from_rod`
-    payload *, bend *, twist *, retardation_time *                 of both
+    [robot.tube] or [robot.rod] in place of the parts above: cut into any number n_discs
+    length, radius, wall_thickness, youngs_modulus (also _mpa), poissons_ratio, density, fabric *,
+    chambers *, strip_turns *, posts *, and of each chamber rated_pressure *, radial_compliance *
+    length, bending_stiffness, twisting_stiffness [N m^2], shear_stiffness [N], mass_per_length,
+    radius *, [[robot.rod.cells]] * with area, centroid = [x, y], rated_pressure *
+    payload *, bend *, twist *, retardation_time *       of both: `Robot.from_tube`, `from_rod`
 
     [[robot.forces]] *          kind = one of these; see `dtcasadi.forces` for each
     "point_load"                disc, magnitude [N], direction in the root's frame, point *
@@ -240,8 +237,8 @@ class Scene:
     def rediscretised(self, n_discs: int) -> "Scene":
         """The scene with its tube or rod cut into another number of discs.
 
-        Chambers, forces on single discs and the initial pose stay where they are along the beam;
-        coordinates and rates per length are interpolated.
+        Chambers, forces on single discs, sensors and the initial pose stay where they are along the
+        beam; coordinates and rates per length are interpolated.
 
         Raises:
             SceneError: the robot was given disc by disc, has forces between discs, or another

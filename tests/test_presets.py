@@ -17,6 +17,7 @@ from dtcasadi import presets
 from dtcasadi.errors import RobotError, SceneError
 from dtcasadi.forces import PointLoad
 from dtcasadi.ratings import PressureWarning, warn_above_rating
+from dtcasadi.sensors import Lengths, Marker
 from dtcasadi.statics.search import virtual_search
 
 NAMES = ("tentacle", "grub", "arm")
@@ -178,8 +179,13 @@ def test_poses_and_forces_stay_where_they_are():
     scene = dtc.load_scene("tentacle")
     loads = (PointLoad(4, 1.0, [0, 0, 1]), PointLoad(2, 2.0, [0, 1, 0]))
     q = np.tile([0.1, 0.0, 0.1, 0.0, 0.0], 3)
-    bent = replace(scene, robot=replace(scene.robot, forces=loads), q0=q, qd0=2 * q)
-    finer = bent.rediscretised(10)
+    sensors = (
+        Marker(name="tip", disc=4, noise=1e-3),
+        Lengths(name="cord", noise=1e-3, spans=(((2, [0] * 3), (4, [0] * 3)),)),
+    )
+    robot = replace(scene.robot, forces=loads)
+    finer = replace(scene, robot=robot, q0=q, qd0=2 * q, sensors=sensors).rediscretised(10)
+    assert [sensor.discs for sensor in finer.sensors] == [(10,), (4, 10)]
     assert [force.disc for force in finer.robot.forces] == [10, 4]
     assert finer.q0.reshape(9, 5).sum(axis=0) == pytest.approx(q.reshape(3, 5).sum(axis=0))
     assert finer.qd0 == pytest.approx(2 * finer.q0)
