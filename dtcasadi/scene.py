@@ -131,7 +131,7 @@ from .rediscretise import rediscretised
 from .robot import Robot
 from .rod import Rod
 from .sampled import Sensors
-from .scene_file import MAX_BYTES, is_name, read_scene
+from .scene_file import bytes_of, is_name, read_scene
 from .scene_settings import DEFAULT_CHART
 from .scene_tables import printable
 from .tube import Tube
@@ -297,7 +297,7 @@ def load_scene(path_or_name: str | os.PathLike[str]) -> Scene:
         expected = "a path to a scene file or the name of a scene"
         raise SceneError([f"scene: expected {expected}, got {checks.shown(path_or_name)}"])
     source = printable(path) or "''"
-    data = _bytes_of(path, source)
+    data = bytes_of(path, source)
     words = "".join(c if c.isascii() and c.isalnum() else " " for c in Path(path).stem)
     name = "_".join(words.lower().split())
     return parse_scene(data, source, name if is_name(name) else "scene")
@@ -327,22 +327,6 @@ def _shipped(name: str) -> Scene:
         raise SceneError([f"scene: expected {expected}, got {name!r}"])
     file = resources.files(__package__).joinpath("scenes", *f"{name}.toml".split("/"))
     return parse_scene(file.read_bytes(), f"{name}.toml", name.rpartition("/")[2])
-
-
-def _bytes_of(path: str, source: str) -> bytes:
-    """A file's content, no more than needed to see that it is too large."""
-    try:
-        # A pipe or a device would wait, or never end.
-        if Path(path).exists() and not Path(path).is_file():
-            reason = "a folder or a device"
-        else:
-            with open(path, "rb") as file:
-                return file.read(MAX_BYTES + 1)
-    except OSError as error:
-        reason = (error.strerror or "an error").lower()
-    except ValueError:  # a zero byte or a lone surrogate
-        reason = "a path that no file can have"
-    raise SceneError([f"{source}: expected a readable scene file, got {printable(reason)}"])
 
 
 def _error(name: str, expected: str, got: object) -> SceneError:

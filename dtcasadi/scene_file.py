@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from pathlib import Path
 from typing import Any
 
 from . import checks
@@ -98,3 +99,23 @@ def _toml(data: bytes, source: str) -> dict[str, Any]:
 
 def _unreadable(source: str, expected: str, got: str) -> SceneError:
     return SceneError([printable(f"{source}: expected {expected}, got {got}")])
+
+
+def bytes_of(path: str, source: str) -> bytes:
+    """A file's content, no more than needed to see that it is too large.
+
+    Raises:
+        SceneError: the file cannot be read.
+    """
+    try:
+        # A pipe or a device would wait, or never end.
+        if Path(path).exists() and not Path(path).is_file():
+            reason = "a folder or a device"
+        else:
+            with open(path, "rb") as file:
+                return file.read(MAX_BYTES + 1)
+    except OSError as error:
+        reason = (error.strerror or "an error").lower()
+    except ValueError:  # a zero byte or a lone surrogate
+        reason = "a path that no file can have"
+    raise SceneError([f"{source}: expected a readable scene file, got {printable(reason)}"])
