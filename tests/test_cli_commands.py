@@ -153,19 +153,32 @@ def test_bench_dynamics(tmp_path, monkeypatch, capsys):
     assert all(row["operations"] > 100 and row["n_q"] == 5 * (row["n_discs"] - 1) for row in rows)
 
 
-def test_bench_inflation(tmp_path, monkeypatch, capsys):
-    from dtcasadi.bench import dynamics, inflation
+def benched(name, tmp_path, monkeypatch, capsys) -> list[dict]:
+    """Rows of a benchmark of variants, in the virtual machine: nothing to wait for."""
+    from dtcasadi.bench import dynamics, variants
 
     monkeypatch.setattr(dynamics, "_TIMING_S", 1e-4)
-    monkeypatch.setattr(inflation, "ROUNDS", 1)
-    monkeypatch.setenv("DTCASADI_CC", "none")  # the same report, nothing to wait for
+    monkeypatch.setattr(variants, "ROUNDS", 1)
+    monkeypatch.setenv("DTCASADI_CC", "none")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        words = ["bench", "inflation", "--sizes", "3", "--json", str(tmp_path / "b.json")]
+        words = ["bench", name, "--sizes", "3", "--json", str(tmp_path / "b.json")]
         assert cli.main(words) == 0
     record = read(tmp_path / "b.json")
     assert_json_holds(capsys.readouterr().out, record)
-    rows = record["inflation"]["timings"]
+    return record[name]["timings"]
+
+
+def test_bench_actuators(tmp_path, monkeypatch, capsys):
+    rows = benched("actuators", tmp_path, monkeypatch, capsys)
+    ratios = {(row["chart"], row["actuator"]): row["operations_ratio"] for row in rows}
+    assert len(rows) == 10 and all(ratios[chart, "direct"] == 1 for chart in ("planar", "cardan"))
+    # The limit set for time in space; the plane has fewer operations of its own.
+    assert ratios["cardan", "gas, hysteresis"] < 1.3 and ratios["planar", "gas, hysteresis"] < 1.6
+
+
+def test_bench_inflation(tmp_path, monkeypatch, capsys):
+    rows = benched("inflation", tmp_path, monkeypatch, capsys)
     assert [(row["chart"], row["n_discs"]) for row in rows] == [("planar", 3), ("cardan", 3)]
     # The limit set for time; operations are what no other load of the machine disturbs.
     assert all(1.0 < row["operations_ratio"] < 1.5 for row in rows)

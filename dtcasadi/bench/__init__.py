@@ -5,6 +5,7 @@ Each module has `add_arguments(parser)` and `run(options, report)`, like a comma
 
 BENCHES = {
     "accuracy": "error against beams, chains and pendulums over the number of discs, and its cost",
+    "actuators": "time per call with air supply and hysteresis against direct pressure",
     "dynamics": "time per call and operations of the state equation over the number of discs",
     "inflation": "time per call with inflation by volume against the last disc's",
     "statics": "time of an equilibrium from a cold start and of a pressure sweep with stability",

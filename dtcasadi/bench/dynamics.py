@@ -4,7 +4,7 @@ import argparse
 import statistics
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -180,7 +180,9 @@ def operations(function: "ca.Function") -> int:
     return total
 
 
-def time_per_call(function: "ca.Function", theta: np.ndarray) -> tuple[float, float]:
+def time_per_call(
+    function: "ca.Function", theta: np.ndarray, held: Sequence[float] = ()
+) -> tuple[float, float]:
     """Median and least time of a call, without CasADi's own share, [us].
 
     The states differ from call to call, as they do in a simulation.
@@ -188,8 +190,12 @@ def time_per_call(function: "ca.Function", theta: np.ndarray) -> tuple[float, fl
     Args:
         function: with ports x, u, theta, compiled or not.
         theta: the parameters, the same in every call.
+        held: the last states, those of an actuator, the same in every call.
     """
-    times = _timings(function, _columns(function, theta, _STATES))
+    columns = _columns(function, theta, _STATES)
+    if len(held):
+        columns[function.name_in().index("x")][-len(held) :] = np.reshape(held, (-1, 1))
+    times = _timings(function, columns)
     overhead = _overhead()
     return max(statistics.median(times) - overhead, 0.0), max(min(times) - overhead, 0.0)
 

@@ -1,16 +1,15 @@
 """What inflation by volume costs: the state equation with it and with `last_disc`, in turn."""
 
 import argparse
-import statistics
 from typing import TYPE_CHECKING
 
-from .dynamics import operations, seed_robot, size, time_per_call
+from . import variants
+from .dynamics import seed_robot, size
 
 if TYPE_CHECKING:
     from ..cli.common import Report
 
 SIZES, CHARTS, KINDS = (4, 8), ("planar", "cardan"), ("last_disc", "volume")
-ROUNDS = 5
 _ROW = "{chart:8} {n_discs:>4} {last_disc_us:>13} {volume_us:>10} {ratio:>7} {operations_ratio:>11}"
 
 
@@ -27,11 +26,11 @@ def run(options: argparse.Namespace, report: "Report") -> None:
 
     compiler = find_compiler()
     report.section("inflation", "state equation of the seed robot with either inflation")
-    report.note(rounds=ROUNDS, compiler=compiler.version if compiler else None)
+    report.note(rounds=variants.ROUNDS, compiler=compiler.version if compiler else None)
     report.line(
         "{how}; medians of {rounds} rounds that take turns",
         how="compiled" if compiler else "CasADi's virtual machine",
-        rounds=ROUNDS,
+        rounds=variants.ROUNDS,
     )
     titles = {"chart": "chart", "n_discs": "N", "last_disc_us": "last_disc us"}
     titles |= {"volume_us": "volume us", "ratio": "ratio", "operations_ratio": "operations"}
@@ -45,13 +44,7 @@ def _row(report: "Report", chart: str, n_discs: int) -> None:
     from ..model import build
 
     models = {kind: build(seed_robot(n_discs), chart=chart, inflation=kind) for kind in KINDS}
-    compiled = {kind: model.compiled("ode").function for kind, model in models.items()}
-    rounds: dict[str, list[float]] = {kind: [] for kind in KINDS}
-    for _ in range(ROUNDS):
-        for kind, model in models.items():
-            rounds[kind].append(time_per_call(compiled[kind], model.theta0)[0])
-    times = {kind: statistics.median(values) for kind, values in rounds.items()}
-    counts = {kind: operations(model.function("ode")) for kind, model in models.items()}
+    times, counts = variants.in_turn(models)
     report.row(
         "timings",
         _ROW,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ..actuation import settled
 from ..checks import shown
 from ..errors import ModelError
 from ..model import FUNCTIONS, Model
@@ -183,10 +184,13 @@ def _of_name(model: Model, discrete: "DiscreteModel | None", name: str) -> Expos
 def _labels(model: Model) -> dict[str, tuple[Label, ...]]:
     """Names and units of the rows of the state, the coordinates and the commands."""
     n = model.n_q
-    units = ("rad",) * n + ("rad/s",) * n + ("Pa",) * (model.n_x - 2 * n)
+    units = ("rad",) * n + ("rad/s",) * n + model.actuator.state_units(model.n_u)
     state = tuple(Label(*pair) for pair in zip(model.state_names, units, strict=True))
     chambers = tuple(Label(f"pressure_{i + 1}", "Pa") for i in range(model.n_u))
-    return {"x": state, "q": state[:n], "u": chambers, "pressure": chambers}
+    commands = chambers
+    if model.actuator.command != "pressure":
+        commands = tuple(Label(f"{model.actuator.command}_{i + 1}", "1") for i in range(model.n_u))
+    return {"x": state, "q": state[:n], "u": commands, "pressure": chambers}
 
 
 def _motion(model: Model, scene: Scene | None, step_s: float | None) -> Motion:
@@ -194,7 +198,9 @@ def _motion(model: Model, scene: Scene | None, step_s: float | None) -> Motion:
     if scene is not None:
         return Motion(scene.x0(model), scene.pressure, scene.t_end, step_s, centre)
     rest = Profile.constant(np.zeros(model.n_u))
-    return Motion(np.zeros(model.n_x), rest, _PLAIN_T_END_S, step_s, centre)
+    x0 = np.zeros(model.n_x)
+    x0[2 * model.n_q :] = settled(model, x0[: model.n_q], np.zeros(model.n_u))
+    return Motion(x0, rest, _PLAIN_T_END_S, step_s, centre)
 
 
 def _facts(model: Model, discrete: "DiscreteModel | None") -> tuple[str, ...]:

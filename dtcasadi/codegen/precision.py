@@ -121,4 +121,8 @@ def random_port(export: Export, port: Port, rng: np.random.Generator) -> np.ndar
     scales = {"rad": ANGLE, "rad/s": RATE, "Pa": command or 1.0}
     units = [label.unit for label in export.labels.get(port.name, ())] or [port.unit] * port.size
     scale = np.array([scales.get(unit, 1.0) for unit in units])
-    return rng.uniform(-scale, scale).astype(np.float32).astype(float)
+    value = rng.uniform(-scale, scale)
+    if port.name == "x" and export.motion is not None:  # there is always some air in a chamber
+        air = np.array([unit == "J" for unit in units])
+        value[air] = export.motion.x0[air] * (1 + value[air] / 2)
+    return value.astype(np.float32).astype(float)
