@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import air
 import inflation
 import presets
 
@@ -19,4 +20,5 @@ if __name__ == "__main__":
     static_plots.diagram(dtc.branch(model, "pressure", 0.5, 20.0), FOLDER / "equilibria.png")
     inflation.draw(FOLDER / "inflation.png")
     presets.draw(FOLDER / "presets.png")
+    air.draw(FOLDER / "air.png")
     print(f"drawn into {FOLDER}: {run.message}")

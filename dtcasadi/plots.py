@@ -21,6 +21,7 @@ from .style import (
     GREEN,
     GREY,
     ORANGE,
+    PURPLE,
     VERMILION,
     WIDTH_IN,
     finished,
@@ -153,7 +154,7 @@ def coordinates(run: Run, path: str | Path | None = None) -> Figure:
         for row, segment in rows:
             place.plot(t, q[row], color=colours[segment - 1], label=f"segment {segment}")
         place.set_ylabel(f"{_name(kind)} [rad]")
-        _time_axis(place, run)
+        time_axis(place, run)
     for place in axes.flat[len(shown) :]:
         place.remove()
     if len(shown) % columns:  # the panel above the gap has no neighbour below to carry its times
@@ -188,11 +189,13 @@ def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
         (potential, "potential − start", VERMILION, "-"),
         (energy["supplied"], "supplied", GREEN, "--"),
         (energy["dissipated"], "dissipated", ORANGE, "-."),
+        (energy["stored"] - energy["stored"][0], "in the actuator − start", PURPLE, ":"),
     ):
-        axes[0, 0].plot(energy["t"], values, dashes, color=colour, label=label)
+        if np.any(values) or "start" not in label:
+            axes[0, 0].plot(energy["t"], values, dashes, color=colour, label=label)
     axes[0, 0].set_ylabel("energy [J]")
-    _legend_above(axes[0, 0], columns=2)
-    _pressures(axes[0, 1], run)
+    legend_above(axes[0, 0], columns=2)
+    draw_pressures(axes[0, 1], run)
     axes[1, 0].plot(energy["t"], energy["residual"], color=BLACK)
     axes[1, 0].set_ylabel("balance residual [J]")
     axes[1, 0].ticklabel_format(axis="y", scilimits=(-3, 4))
@@ -202,15 +205,18 @@ def energy_and_pressure(run: Run, path: str | Path | None = None) -> Figure:
         axes[1, 1].set_yscale("log")
     axes[1, 1].set_ylabel("condition number of M [-]")
     for place in axes.flat:
-        _time_axis(place, run)
+        time_axis(place, run)
     for place in axes[1]:
         place.set_xlabel("time [s]")
     return finished(figure, path)
 
 
-def _pressures(axes: Axes, run: Run) -> None:
-    pressures = run.pressure
-    factor, unit = pressure_unit(float(np.abs([pressures, run.u]).max(initial=0.0)))
+def draw_pressures(axes: Axes, run: Run) -> None:
+    """Chamber pressures against time, and their commands where they differ."""
+    pressures, commands = run.pressure, run.u
+    if run.model.actuator.command != "pressure":
+        commands = pressures  # openings of valves: nothing to compare
+    factor, unit = pressure_unit(float(np.abs([pressures, commands]).max(initial=0.0)))
     axes.set_ylabel(f"pressure [{unit}]")
     n_u = len(pressures)
     if not n_u:
@@ -218,8 +224,8 @@ def _pressures(axes: Axes, run: Run) -> None:
         axes.set_yticks([])
         return
     colours = line_colours(n_u)
-    lagging = not np.array_equal(pressures, run.u)
-    for k, (pressure, command, colour) in enumerate(zip(pressures, run.u, colours, strict=True)):
+    lagging = not np.array_equal(pressures, commands)
+    for k, (pressure, command, colour) in enumerate(zip(pressures, commands, colours, strict=True)):
         label = "chamber" if n_u == 1 else f"chamber {k + 1}"
         axes.plot(run.t, factor * pressure, color=colour, label=label, drawstyle=_steps(pressure))
         if lagging:
@@ -233,7 +239,7 @@ def _pressures(axes: Axes, run: Run) -> None:
                 label=name if n_u <= 3 else None,
             )
     if lagging or 1 < n_u <= 6:
-        _legend_above(axes, columns=min(n_u * (2 if lagging and n_u <= 3 else 1), 3))
+        legend_above(axes, columns=min(n_u * (2 if lagging and n_u <= 3 else 1), 3))
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0), max(high, 0.0) * 1.05)
 
@@ -254,13 +260,15 @@ def _coordinates(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return some.t, some.coordinates([chart.name for chart in run.model.charts])[0]
 
 
-def _time_axis(axes: Axes, run: Run) -> None:
+def time_axis(axes: Axes, run: Run) -> None:
+    """From the start to the end of the run."""
     end = run.t[-1] if run.t[-1] > run.t[0] else run.t[0] + 1.0
     axes.set_xlim(run.t[0], end)
     axes.grid(color="#dddddd", linewidth=0.6)
 
 
-def _legend_above(axes: Axes, columns: int) -> None:
+def legend_above(axes: Axes, columns: int) -> None:
+    """The legend above the axes, at their left end."""
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)
 
 

@@ -77,7 +77,7 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
                                 diameter, discharge_coefficient *
     [model.actuator.exhaust]    the same; [model.actuator.leak] * too
     [model.actuator.valve] *    command = "opening", overlap *; or
-                                command = "pressure", band [Pa], underlap *
+                                command = "pressure", band [Pa], underlap *; response_time *
     [model.actuator.hysteresis] *   of any kind: amplitude [Pa], travel *, sharpness *,
                                 creep_time *, break_in * [Pa], break_in_travel *
     [model.actuator.delay] *    of any kind: time, lags * (0: exact in a simulation)

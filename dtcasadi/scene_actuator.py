@@ -117,14 +117,13 @@ def _read_orifice(part: Table, n: int | None) -> Orifice | None:
 
 def _read_valve(part: Table, n: int | None) -> Valve | PressureValve | None:
     command = part.choice("command", ("opening", "pressure"))
+    fields = _numbers(part, {"response_time": (TIME, _POSITIVE)}, n)
     if command == "pressure":
-        band = _number(part, "band", PRESSURE, n, positive=True)
-        underlap = given({"underlap": part.number("underlap", default=None)})
-        part.close()
-        return part.make(PressureValve, band, **underlap)
-    fields = given({"overlap": part.number("overlap", default=None)})
+        fields["band"] = _number(part, "band", PRESSURE, n, positive=True)
+    lap = "underlap" if command == "pressure" else "overlap"
+    fields[lap] = part.number(lap, default=None)
     part.close()
-    return part.make(Valve, **fields)
+    return part.make(PressureValve if command == "pressure" else Valve, **given(fields))
 
 
 def _read_hysteresis(part: Table, source: Actuator | None, n: int | None) -> Hysteresis | None:

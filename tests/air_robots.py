@@ -19,7 +19,9 @@ def gas(**changes: object) -> Gas:
     return Gas(**fields | {"atmosphere": ATMOSPHERE} | changes)
 
 
-SERVO = gas(valve=PressureValve(4.0), exponent=1.2, leak=Orifice(1e-6), dead_volume=0.1)
+SERVO = gas(
+    valve=PressureValve(4.0, response_time=0.01), exponent=1.2, leak=Orifice(1e-6), dead_volume=0.1
+)
 ACTUATORS = {
     "gas": gas(),
     "worn": Hysteresis(Regulator(0.1), 2.0),

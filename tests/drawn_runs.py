@@ -36,6 +36,7 @@ def made_up(model: dtc.Model, t: np.ndarray, q: np.ndarray, qd: np.ndarray, **fi
             "t": t,
             "kinetic": np.sin(t) ** 2,
             "potential": -5 * t,
+            "stored": 0 * t,
             "supplied": t,
             "dissipated": 6 * t,
             "residual": 1e-7 * t,

@@ -43,7 +43,7 @@ def test_derivatives(rng, inflation, assembly):
     n, frames = model.n_q, model.theta_blocks["frames"].stop
     q, qd = 0.3 * coordinates(rng, charts), rng.normal(size=n)
     z = start(model, q, 8.0)[2 * n :] * rng.uniform(0.9, 1.1, model.n_x - 2 * n)
-    z[2:4] = rng.uniform(-0.5, 0.5, 2)  # friction
+    z[2:6] = rng.uniform(-0.5, 0.5, 4)  # openings and friction
     x, u = np.concatenate([q, qd, z]), rng.uniform(6.0, 10.0, 2)
     arguments = (x, u, model.theta0)
 

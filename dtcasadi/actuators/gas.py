@@ -36,8 +36,9 @@ class Gas(Actuator):
     (p_abs / p_atm)^((n-1)/n), in filling too: it is that of air compressed in the chamber, not
     mixed from a warm supply.
 
-    The pressure that pushes is (p_abs - p_atm) dV_air/dV, so that the air's work is what it gives
-    up and a sealed chamber is a spring with the energy in `accounts`.
+    A valve with a response time adds the state `opening`. The pressure that pushes is
+    (p_abs - p_atm) dV_air/dV, so that the air's work is what it gives up and a sealed chamber is a
+    spring with the energy in `accounts`.
 
     Attributes:
         supply: orifice from the supply.
@@ -103,12 +104,13 @@ class Gas(Actuator):
         return True
 
     def state_names(self, n: int) -> tuple[str, ...]:
-        """One amount of air per chamber."""
-        return tuple(f"air_{i + 1}" for i in range(n))
+        """One amount of air per chamber, then the openings of valves that lag."""
+        kinds = ("air", "opening") if self._lags else ("air",)
+        return tuple(f"{kind}_{i + 1}" for kind in kinds for i in range(n))
 
     def state_units(self, n: int) -> tuple[str, ...]:
-        """Pressure times volume."""
-        return ("J",) * n
+        """Pressure times volume; a share."""
+        return ("J",) * n + ("1",) * (n if self._lags else 0)
 
     def pressure(self, state: ca.SX, u: ca.SX, air: Air) -> ca.SX:
         """Gauge pressure as it pushes on the robot [Pa], shape (n, 1)."""
@@ -117,9 +119,13 @@ class Gas(Actuator):
         return gauge * slope
 
     def rate(self, state: ca.SX, u: ca.SX, air: Air) -> ca.SX:
-        """What flows in and out [J/s], shape (n, 1)."""
+        """What flows in and out [J/s], and how fast valves open [1/s]."""
         supply, exhaust, leak = self._flows(state, u, air)
-        return supply - exhaust - leak
+        rate = supply - exhaust - leak
+        if not self._lags:
+            return rate
+        lag = self.valve.target(u, self._gauge(state, air)) - state[u.shape[0] :]
+        return ca.vertcat(rate, lag / self.valve.response_time)
 
     def signals(self, state: ca.SX, u: ca.SX, air: Air) -> Signals:
         """Gauge pressure [Pa] and mass flows [kg/s]; in through the supply, out of the others."""
@@ -139,21 +145,23 @@ class Gas(Actuator):
         if not closed:
             return super().accounts(state, u, air, closed=closed)
         volume = self._room(air, self._gauge(state, air))
-        x = state / (self.atmosphere * volume)
+        amount = state[: u.shape[0]]
+        x = amount / (self.atmosphere * volume)
         if self._isothermal:
-            energy, worth = state * (ca.log(x) - 1) + self.atmosphere * volume, ca.log(x)
+            energy, worth = amount * (ca.log(x) - 1) + self.atmosphere * volume, ca.log(x)
         else:
             n = ca.fmax(self.exponent, _NEARLY_ONE)
             energy = self.atmosphere * volume * ((x**n - n * x) / (n - 1) + 1)
             worth = n * (x ** (n - 1) - 1) / (n - 1)
-        supplied = ca.dot(worth, self.rate(state, u, air))
+        supplied = ca.dot(worth, self.rate(state, u, air)[: u.shape[0]])
         return Accounts(ca.sum1(energy), supplied, type(u)(1, 1))
 
     def rest_state(self, pressure: np.ndarray, volume: np.ndarray, rest: np.ndarray) -> np.ndarray:
-        """The air that fills the volumes with gauge pressures, shape (n,) [J]."""
+        """The air that fills the volumes with gauge pressures; valves shut."""
         ratio = np.maximum(1 + np.asarray(pressure, dtype=float) / self.atmosphere, 0.0)
         room = np.asarray(self.dead_volume) + positive(np.asarray(volume), FOLD * np.asarray(rest))
-        return self.atmosphere * room * ratio ** (1 / np.asarray(self.exponent))
+        amount = self.atmosphere * room * ratio ** (1 / np.asarray(self.exponent))
+        return np.concatenate([amount, np.zeros(len(amount) if self._lags else 0)])
 
     def rest_command(self, pressure: np.ndarray) -> np.ndarray:
         """The pressures, or valves that are shut."""
@@ -167,12 +175,17 @@ class Gas(Actuator):
         """Volume that the air fills at a gauge pressure [m^3]."""
         return self.dead_volume + positive(air.volume_at(pressure), FOLD * air.rest_volume)
 
+    @property
+    def _lags(self) -> bool:
+        return self.valve.response_time is not None
+
     def _gauge(self, state: ca.SX, air: Air) -> ca.SX:
         """Gauge pressure [Pa]; where chambers grow with it, by Newton's method.
 
         air(p) is rising and convex, so from a chamber that does not grow, too much, it comes down
         to the root; the steps are enough for volumes that double.
         """
+        state = state[: air.volume.shape[0]]
         gauge = self._gauge_in(state, self._room(air, 0.0))
         if not air.grows:
             return gauge
@@ -201,7 +214,8 @@ class Gas(Actuator):
         warmth: Number = 1.0
         if not self._isothermal:
             warmth = (absolute / self.atmosphere) ** ((self.exponent - 1) / self.exponent)
-        supply, exhaust = self.valve.ways(u, gauge)
+        opening = state[u.shape[0] :] if self._lags else self.valve.target(u, gauge)
+        supply, exhaust = self.valve.ways(opening)
         source, sink = (p + self.atmosphere for p in (self.supply_pressure, self.exhaust_pressure))
         into = supply * self.supply.flow(source, absolute, 1.0, warmth)
         out = exhaust * self.exhaust.flow(absolute, sink, warmth, 1.0)

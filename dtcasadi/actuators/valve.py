@@ -15,27 +15,34 @@ class Valve:
     Each way opens along a parabola and then in proportion; both are shut at zero.
 
     Attributes:
-        overlap: part of the command over which a way opens along the parabola, above 0.
+        overlap: part of the opening over which a way opens along the parabola, above 0.
+        response_time: lag of the opening behind what it should be, a state [s]; None: none.
 
     Raises:
         ActuatorError: a field out of range.
     """
 
     overlap: float = 0.04
+    response_time: Each | None = None
 
     def __post_init__(self) -> None:
-        """Check the field."""
-        _share(self, "overlap")
+        """Check the fields."""
+        _check(self, "overlap")
 
     @property
     def command(self) -> str:
         """What a command is."""
         return "opening"
 
-    def ways(self, u: ca.SX, pressure: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Openings to the supply and to the exhaust, 0 to 1 each."""
-        half, opening = self.overlap / 2, cut(u, -1.0, 1.0)
-        return tuple(ramp(way - half, half) / (1 - half) for way in (opening, -opening))
+    def target(self, u: ca.SX, pressure: ca.SX) -> ca.SX:
+        """The opening asked for, within [-1, 1]."""
+        return cut(u, -1.0, 1.0)
+
+    def ways(self, opening: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Shares of the supply's and the exhaust's orifice that are open."""
+        half = self.overlap / 2
+        supply, exhaust = (ramp(way - half, half) / (1 - half) for way in (opening, -opening))
+        return supply, exhaust
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,7 @@ class PressureValve:
     Attributes:
         band: distance from the command at which the valve would be fully open [Pa], positive.
         underlap: opening below which both ways are open, above 0.
+        response_time: lag of the opening behind what it should be, a state [s]; None: none.
 
     Raises:
         ActuatorError: a field out of range.
@@ -56,26 +64,30 @@ class PressureValve:
 
     band: Each
     underlap: float = 0.02
+    response_time: Each | None = None
 
     def __post_init__(self) -> None:
-        """Check both fields."""
+        """Check every field."""
         checked("valve", self, ("band",), positive=True)
-        _share(self, "underlap")
+        _check(self, "underlap")
 
     @property
     def command(self) -> str:
         """What a command is."""
         return "pressure"
 
-    def ways(self, u: ca.SX, pressure: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Openings to the supply and to the exhaust, 0 to 1 each."""
-        opening = soft_cut((u - pressure) * (1 / self.band), -1.0, 1.0)
+    def target(self, u: ca.SX, pressure: ca.SX) -> ca.SX:
+        """The opening asked for, within [-1, 1]."""
+        return soft_cut((u - pressure) * (1 / self.band), -1.0, 1.0)
+
+    def ways(self, opening: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Shares of the supply's and the exhaust's orifice that are open."""
         supply = ramp(opening, self.underlap)
         return supply, ca.fmax(supply - opening, 0.0)  # the same as ramp(-opening)
 
 
-def _share(valve: Valve | PressureValve, name: str) -> None:
-    checked("valve", valve, (name,), positive=True)
-    value = getattr(valve, name)
+def _check(valve: Valve | PressureValve, lap: str) -> None:
+    checked("valve", valve, (lap, "response_time"), positive=True)
+    value = getattr(valve, lap)
     if not isinstance(value, float) or value >= 1:
-        raise refusal(f"valve.{name}", "a number between 0 and 1", value)
+        raise refusal(f"valve.{lap}", "a number between 0 and 1", value)

@@ -181,7 +181,7 @@ def operations(function: "ca.Function") -> int:
 
 
 def time_per_call(
-    function: "ca.Function", theta: np.ndarray, held: Sequence[float] = ()
+    function: "ca.Function", theta: np.ndarray, held: Sequence[float] | np.ndarray = ()
 ) -> tuple[float, float]:
     """Median and least time of a call, without CasADi's own share, [us].
 

@@ -83,14 +83,18 @@ def describe(scene: "Scene", model: "Model", report: Report) -> None:
 
 
 def draw(run: "Run", folder: Path, report: Report, view: str | None = None) -> None:
-    """The three pictures of a run."""
-    from .. import plots
+    """The pictures of a run: three, and one of the air supply where there is more to it."""
+    from .. import air_plots, plots
+    from ..actuators import Direct
 
     for name in ("filmstrip", "coordinates", "energy_and_pressure"):
         path = folder / f"{name}.png"
         options = {"view": view} if name == "filmstrip" else {}
         getattr(plots, name)(run, path, **options)
         report.wrote(path)
+    if not isinstance(run.model.actuator, Direct):
+        air_plots.air(run, folder / "air.png")
+        report.wrote(folder / "air.png")
 
 
 def health(run: "Run", report: Report) -> None:
@@ -123,6 +127,11 @@ def health(run: "Run", report: Report) -> None:
         supplied_J=energy["supplied"][-1],
         dissipated_J=energy["dissipated"][-1],
     )
+    if np.any(energy["stored"]):
+        report.line(
+            "the actuator holds {stored_change_J:+.4g} J more than at the start",
+            stored_change_J=energy["stored"][-1] - energy["stored"][0],
+        )
     report.line(
         "energy balance: residual at most {residual_J:.1e} J",
         residual_J=np.abs(energy["residual"]).max(),

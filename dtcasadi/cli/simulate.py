@@ -11,7 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("scene", metavar="SCENE", help="a TOML file, or the name of a scene")
     parser.add_argument("-o", "--output", metavar="F", help="write the run to this .npz file")
-    parser.add_argument("--plots", metavar="FOLDER", help="draw the three pictures into it")
+    parser.add_argument("--plots", metavar="FOLDER", help="draw the pictures into it")
     parser.add_argument("--animate", metavar="F", help="draw a .gif, or an .mp4 (needs ffmpeg)")
     parser.add_argument("--view", choices=("plane", "3d"), help="how to see the robot")
     parser.add_argument("--chart", metavar="NAME", help="coordinates instead of the scene's")
