@@ -79,3 +79,7 @@ class EstimationError(DtcasadiError, ValueError):
 
 class LogError(DtcasadiError, ValueError):
     """A recorded log is wrong; the text names file, line and channel."""
+
+
+class ControlError(DtcasadiError, ValueError):
+    """A control problem was posed with terms that do not fit together, or cannot be used."""

@@ -1,4 +1,16 @@
-"""Optimal control on a discrete disc-thread model.
+"""Optimal control of a discrete disc-thread model by its pressures."""
 
-Nothing is here yet: trajectory optimization and pressure MPC are to come in a later release.
-"""
+from .problem import Band, Effort, HalfSpace, Limits, Problem, Sphere, Tracking
+from .stages import Stages, stages
+
+__all__ = [
+    "Band",
+    "Effort",
+    "HalfSpace",
+    "Limits",
+    "Problem",
+    "Sphere",
+    "Stages",
+    "Tracking",
+    "stages",
+]

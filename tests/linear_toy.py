@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import logm
 
 from dtcasadi.measuring import Sensor
 
@@ -46,6 +47,23 @@ class LinearDiscrete:
         names = [*self.linearize.name_out(), "status"]
         ports = ["x", "u", "theta"]
         return ca.Function("linearize_checked", [x, u, theta], [*parts, status], ports, names)
+
+    @property
+    def step(self) -> ca.Function:
+        x, u, theta = self._symbols()
+        parts = [self.linearize_checked(x, u, theta)[k] for k in (0, -1)]
+        return ca.Function("step", [x, u, theta], parts, ["x", "u", "theta"], ["x_next", "status"])
+
+    @property
+    def ode(self) -> ca.Function:
+        """The continuous system whose step this is, by the logarithm of the whole matrix."""
+        n, sizes = len(self.F), [self.G.shape[1], len(self.theta0)]
+        whole = np.eye(n + sum(sizes))
+        whole[:n] = np.hstack([self.F, self.G, self.B])
+        slope = ca.DM(np.real(logm(whole))[:n] / self.step_s)
+        x, u, theta = self._symbols()
+        parts = [ca.mtimes(slope, ca.vertcat(x, u, theta))]
+        return ca.Function("ode", [x, u, theta], parts, ["x", "u", "theta"], ["xdot"])
 
     def native(self, name: str) -> ca.Function:
         return getattr(self, name)
