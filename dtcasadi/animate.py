@@ -4,7 +4,9 @@ import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from tqdm import tqdm
 
-from .artists import SIGNS_HEIGHT, add_signs, legend_handles, set_stage, signs_width
+from .artists import SIGNS_HEIGHT, Box, add_signs, legend_handles, set_stage, signs_width
 from .motion import Motion
 from .result import Run
 from .style import PictureError, checked_suffix, new_figure, styled
@@ -25,13 +27,15 @@ from .style import PictureError, checked_suffix, new_figure, styled
 SUFFIXES = (".gif", ".mp4")
 # Moving pictures are looked at closely by nobody, and each frame costs time.
 _WIDTH_IN, _DPI = 5.2, 100
+# Of several side by side: width of each, and room over it for title, time and pressures.
+_PANEL_IN, _CAPTION_IN = 2.6, 0.5
 _FASTER = " ({:.3g} times as fast)"
 _PATIENCE_S = 1.0
 
 
 @styled
 def animate(
-    run: Run,
+    run: Run | Mapping[str, Run],
     path: str | Path,
     fps: int = 25,
     *,
@@ -44,7 +48,7 @@ def animate(
     A run too long for `max_frames` is shown faster, and the picture says how much.
 
     Args:
-        run: the run.
+        run: the run, or several by their titles, shown side by side over the time of the first.
         path: file to write, ending in .gif or .mp4 (which needs ffmpeg).
         fps: frames per second; a GIF's are at whole hundredths of a second, at most 50.
         speed: simulated seconds per second shown.
@@ -60,13 +64,14 @@ def animate(
     """
     target = checked_film(path)
     writer = _writer(target.suffix.lower(), fps)
-    times, shown_speed = frame_times(run, fps, speed, max_frames)
-    motion = Motion.of(run, times, view)
-    figure, axes = _over(_stage(motion))
+    runs = {"": run} if isinstance(run, Run) else dict(run)
+    times, shown_speed = frame_times(next(iter(runs.values())), fps, speed, max_frames)
+    panels = _framed({title: Motion.of(each, times, view) for title, each in runs.items()})
+    figure, axes = _over(_stage(panels))
     # The name's end tells the writers the format; the folder is on the target's file system.
     with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
         scratch = Path(folder) / f"film{target.suffix.lower()}"
-        _film(writer, figure, axes, motion, shown_speed, scratch)
+        _film(writer, figure, list(zip(axes, panels.items(), strict=True)), shown_speed, scratch)
         scratch.replace(target)
     return target
 
@@ -106,27 +111,47 @@ def _writer(suffix: str, fps: int) -> AbstractMovieWriter:
     return FFMpegWriter(fps=fps, codec="h264", extra_args=["-pix_fmt", "yuv420p"])
 
 
-def _stage(motion: Motion) -> tuple[Figure, Axes]:
-    """A figure with one panel and everything that does not move.
+def _framed(motions: dict[str, Motion]) -> dict[str, Motion]:
+    """The motions seen alike, within limits that hold all of them."""
+    boxes = [motion.box for motion in motions.values()]
+    box = Box(
+        left=min(box.left for box in boxes),
+        right=max(box.right for box in boxes),
+        bottom=min(box.bottom for box in boxes),
+        top=max(box.top for box in boxes),
+    )
+    return {title: replace(motion, box=box) for title, motion in motions.items()}
 
-    Above the panel are the signs of gravity and scale, the frame's caption beside them and the
-    legend over both.
+
+def _stage(panels: Mapping[str, Motion]) -> tuple[Figure, list[Axes]]:
+    """A figure with a panel for each motion and everything that does not move.
+
+    Above the first panel are the signs of gravity and scale, the frames' captions beside them or,
+    of several panels, over each, and the legend over all.
     """
-    robot, view = motion.run.model.robot, motion.view
+    motion = next(iter(panels.values()))
+    robot, view, n = motion.run.model.robot, motion.view, len(panels)
     handles = legend_handles(robot)
     columns = len(handles) if len(handles) <= 6 else 4
     legend = 0.08 + 0.18 * math.ceil(len(handles) / columns)
+    caption = 0.0 if n == 1 else _CAPTION_IN
     left, right, bottom = (0.72, 0.15, 0.5) if view.labels else (0.1, 0.1, 0.1)
-    width = _WIDTH_IN - left - right
+    width = _WIDTH_IN - left - right if n == 1 else _PANEL_IN
     height = min(max(width * motion.box.size[1] / motion.box.size[0], 1.5), 5.0)
     # An even number of pixels, which video encoders ask for.
-    total = math.ceil((height + bottom + SIGNS_HEIGHT + legend) * _DPI / 2) * 2 / _DPI
-    figure = new_figure(_WIDTH_IN, total)
-    axes = figure.add_axes((left / _WIDTH_IN, bottom / total, width / _WIDTH_IN, height / total))
-    set_stage(axes, view, motion.box)
-    axes.apply_aspect()
-    scale = axes.get_window_extent().width / figure.dpi / motion.box.size[0]
-    add_signs(figure, robot, view, (0.03, bottom + height), scale)
+    even = 2 / _DPI
+    total = math.ceil((height + bottom + SIGNS_HEIGHT + caption + legend) / even) * even
+    across = math.ceil(n * (width + left + right) / even) * even
+    figure = new_figure(across, total)
+    drawn = []
+    for k in range(n):
+        start = k * (width + left + right) + left
+        place = (start / across, bottom / total, width / across, height / total)
+        drawn.append(figure.add_axes(place))
+        set_stage(drawn[k], view, motion.box)
+        drawn[k].apply_aspect()
+    scale = drawn[0].get_window_extent().width / figure.dpi / motion.box.size[0]
+    add_signs(figure, robot, view, (0.03, bottom + height + caption), scale)
     figure.legend(
         handles.values(),
         handles,
@@ -137,7 +162,7 @@ def _stage(motion: Motion) -> tuple[Figure, Axes]:
         handlelength=1.5,
         fontsize=8,
     )
-    return figure, axes
+    return figure, drawn
 
 
 class _Backdrop(Artist):
@@ -154,7 +179,7 @@ class _Backdrop(Artist):
         renderer.restore_region(self._pixels)
 
 
-def _over(stage: tuple[Figure, Axes]) -> tuple[Figure, Axes]:
+def _over(stage: tuple[Figure, list[Axes]]) -> tuple[Figure, list[Axes]]:
     """A figure with the given one as a still picture behind empty axes in the same place.
 
     Drawing words and axes anew in every frame would take several times as long as the robot.
@@ -165,37 +190,47 @@ def _over(stage: tuple[Figure, Axes]) -> tuple[Figure, Axes]:
     canvas.draw()
     figure = new_figure(*still.get_size_inches())
     figure.add_artist(_Backdrop(canvas.copy_from_bbox(still.bbox)))
-    over = figure.add_axes(axes.get_position().bounds)
-    over.set_axis_off()
-    over.set_xlim(axes.get_xlim())
-    over.set_ylim(axes.get_ylim())
-    return figure, over
+    found = []
+    for under in axes:
+        over = figure.add_axes(under.get_position().bounds)
+        over.set_axis_off()
+        over.set_xlim(under.get_xlim())
+        over.set_ylim(under.get_ylim())
+        found.append(over)
+    return figure, found
 
 
-def _caption_on(figure: Figure, axes: Axes, motion: Motion) -> Text:
-    """An empty text above the axes, beside the signs.
+def _caption_on(figure: Figure, axes: Axes, motion: Motion, title: str) -> Text:
+    """An empty text above the axes, beside the signs or, with a title, below them.
 
     A title of the axes would be laid out anew in every frame.
     """
-    above = axes.get_position().y1 + SIGNS_HEIGHT / 2 / figure.get_size_inches()[1]
-    beside = (signs_width(motion.view) / _WIDTH_IN + 1) / 2
-    return figure.text(beside, above, "", ha="center", va="center")
+    wide, tall = figure.get_size_inches()
+    place = axes.get_position()
+    if title:
+        middle = (place.x0 + place.x1) / 2
+        return figure.text(
+            middle, place.y1 + 0.5 * _CAPTION_IN / tall, "", ha="center", va="center"
+        )
+    beside = (signs_width(motion.view) / wide + 1) / 2
+    return figure.text(beside, place.y1 + SIGNS_HEIGHT / 2 / tall, "", ha="center", va="center")
 
 
 def _film(
     writer: AbstractMovieWriter,
     figure: Figure,
-    axes: Axes,
-    motion: Motion,
+    panels: list[tuple[Axes, tuple[str, Motion]]],
     speed: float,
     file: Path,
 ) -> None:
     """Draw and write every frame."""
-    artists = motion.artists_on(axes)
-    title = _caption_on(figure, axes, motion)
+    shown = [
+        (title, motion, motion.artists_on(axes), _caption_on(figure, axes, motion, title))
+        for axes, (title, motion) in panels
+    ]
     faster = "" if speed == 1 else _FASTER.format(speed)
     numbers = tqdm(
-        range(len(motion.times)),
+        range(len(shown[0][1].times)),
         desc="frames",
         delay=_PATIENCE_S,
         leave=False,
@@ -205,8 +240,10 @@ def _film(
         writer.setup(figure, str(file), dpi=_DPI)
         try:
             for k in numbers:
-                artists.show(*motion.frame(k))
-                title.set_text(motion.caption(k) + faster)
+                for title, motion, artists, text in shown:
+                    artists.show(*motion.frame(k))
+                    head = f"{title}\n" if title else ""
+                    text.set_text(head + motion.caption(k) + faster)
                 writer.grab_frame()
         except BrokenPipeError:
             pass  # ffmpeg has ended; `finish` knows why

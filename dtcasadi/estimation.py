@@ -31,6 +31,9 @@ class Estimation:
         contact_to: when it ends [s].
         gate: chance that a good measurement is refused; None: no gate.
         seed: of the noise.
+        truth_discs: number of discs of the robot that really moves; default: the model's.
+        truth_stiffness: how many times stiffer its springs are than the model's.
+        truth_hysteresis: amplitude of its chambers' hysteresis, which the model lacks [Pa].
     """
 
     step_s: float = 0.005
@@ -49,10 +52,13 @@ class Estimation:
     contact_to: float = 0.0
     gate: float | None = None
     seed: int = 0
+    truth_discs: int | None = None
+    truth_stiffness: float = 1.0
+    truth_hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every field."""
-        for name in ("step_s", "angle_sigma", "rate_sigma", "pressure_sigma"):
+        for name in ("step_s", "angle_sigma", "rate_sigma", "pressure_sigma", "truth_stiffness"):
             value = checks.number(name, getattr(self, name), positive=True, error=_error)
             object.__setattr__(self, name, value)
         for name in ("force_sigma", "force_walk"):

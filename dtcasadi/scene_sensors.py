@@ -111,6 +111,7 @@ def read_estimation(table: Table | None) -> Estimation | None:
         "contact_from": ("contact_from", TIME),
         "contact_to": ("contact_to", TIME),
         "offset": ("offset", ANGLE),
+        "truth_hysteresis": ("truth_hysteresis", PRESSURE),
     }
     fields: dict[str, Any] = {
         name: table.number(key, unit, default=None, nonnegative=True)
@@ -118,10 +119,10 @@ def read_estimation(table: Table | None) -> Estimation | None:
     }
     for name in ("force_sigma", "force_walk"):
         fields[name] = table.row(name, 3, default=None)
-    for name in ("force_noise", "rate_noise", "gate"):
+    for name in ("force_noise", "rate_noise", "gate", "truth_stiffness"):
         fields[name] = table.number(name, default=None, nonnegative=True)
     fields["contact_force"] = table.array("contact_force", (3,), default=None)
-    for name, most in (("disc", 4096), ("seed", 2**31)):
+    for name, most in (("disc", 4096), ("seed", 2**31), ("truth_discs", 4096)):
         fields[name] = table.integer(name, 0, most, default=-1)
         fields[name] = None if fields[name] < 0 else fields[name]
     fields["method"] = table.text(

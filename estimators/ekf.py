@@ -13,8 +13,9 @@ from dtcasadi.bound import Bound
 from dtcasadi.codegen import Exposed, exposed
 from dtcasadi.compile import twin
 
-from .base import Discrete, Estimate, ProcessNoise, refusal, symmetric
-from .steps import Pair, correction, prediction, setting
+from .augmented import layout_of, noise_of, pushed_by, widened
+from .base import Discrete, Estimate, ProcessNoise, refusal
+from .steps import Pair, Setting, correction, prediction
 
 # Without a gate every update is believed; a number, so that C can compare with it.
 _NO_LIMIT = 1e300
@@ -67,13 +68,12 @@ class EKF:
             EstimationError: an argument cannot be used; the text says what was expected.
         """
         self.discrete = discrete
-        free = self._free(augment)
-        self.names = (*discrete.state_names, *self._theta_names(augment))
-        n_x, n_z = len(discrete.state_names), len(self.names)
+        layout = layout_of(discrete, augment)
+        self.names = layout.names
         theta = discrete.theta0 if theta is None else theta
         self.start = Estimate(
-            x=checks.array("x0", x0, (n_x,), error=refusal),
-            P=_widened("P0", P0, n_x, n_z),
+            x=checks.array("x0", x0, (layout.n_x,), error=refusal),
+            P=widened("P0", P0, layout),
             theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
         )
         self._limit = _NO_LIMIT if gate is None else checks.number("gate", gate, error=refusal)
@@ -81,9 +81,8 @@ class EKF:
             raise refusal("gate", "a chance between 0 and 1", gate)
         self._gated = gate is not None
         self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
-        noise = Q_w if isinstance(Q_w, ProcessNoise) else None
-        Q = self._constant(noise, augment) if noise else _widened("Q_w", Q_w, n_x, n_z)
-        self._setting = setting(discrete, free, Q, noise)
+        Q, noise = noise_of(discrete, layout, augment, Q_w)
+        self._setting = Setting(discrete, layout.free, Q, *pushed_by(discrete, noise))
         self._predict = prediction(self._setting)
         self._bound: dict[Any, Bound] = {}
         self._pairs: dict[tuple[str, ...], Pair] = {}
@@ -172,50 +171,3 @@ class EKF:
             function = twin(pair.plain, source=pair.native)
             self._bound[key] = Bound(function, matrices={"P", "P_next"})
         return self._bound[key]
-
-    def _free(self, augment: Sequence[str]) -> list[int]:
-        known = [name for name in self.discrete.theta_blocks if name != "frames"]
-        if isinstance(augment, str) or len(set(augment)) != len(tuple(augment)):
-            raise refusal("augment", "a list of different names", checks.shown(augment))
-        for name in augment:
-            if name not in known:
-                raise refusal("augment", f"names out of {', '.join(known) or 'none'}", repr(name))
-        blocks = [self.discrete.theta_blocks[name] for name in augment]
-        return [k for block in blocks for k in range(block.start, block.stop)]
-
-    def _theta_names(self, augment: Sequence[str]) -> list[str]:
-        blocks = [(name, self.discrete.theta_blocks[name]) for name in augment]
-        return [f"{name}[{k + 1}]" for name, b in blocks for k in range(b.stop - b.start)]
-
-    def _constant(self, noise: ProcessNoise, augment: Sequence[str]) -> np.ndarray:
-        """The share of physical process noise that does not depend on the state."""
-        n_x = len(self.discrete.state_names)
-        if (noise.force or noise.moment) and "wrench" not in self.discrete.theta_blocks:
-            expected = "a model built with wrenches=(...) for noise of forces on discs"
-            raise refusal("Q_w", expected, "one without")
-        for name in noise.walk:
-            if name not in augment:
-                raise refusal("Q_w.walk", "blocks named in augment", repr(name))
-        parts = [_spread("Q_w.state", noise.state, n_x)]
-        for name in augment:
-            block = self.discrete.theta_blocks[name]
-            size = block.stop - block.start
-            parts.append(_spread(f"Q_w.walk[{name!r}]", noise.walk.get(name, 0.0), size))
-        return np.diag(np.concatenate(parts) ** 2) * self.discrete.step_s
-
-
-def _spread(name: str, value: Any, n: int) -> np.ndarray:
-    """One number for all, or one for each."""
-    if np.ndim(value) == 0:
-        return np.full(n, checks.number(name, value, nonnegative=True, error=refusal))
-    return checks.array(name, value, (n,), error=refusal)
-
-
-def _widened(name: str, value: Any, n_x: int, n_z: int) -> np.ndarray:
-    """A covariance of all that is estimated, from one of x or of all."""
-    if isinstance(value, ProcessNoise):
-        raise refusal(name, "a matrix or its diagonal", "a ProcessNoise")
-    n = n_z if np.shape(value)[:1] == (n_z,) else n_x
-    P = np.zeros((n_z, n_z))
-    P[:n, :n] = symmetric(name, value, n, definite=False)
-    return P

@@ -1,43 +1,113 @@
-"""What a filter's run looked like: figures and a picture."""
+"""What filters made of a log, in figures."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import casadi as ca
 import numpy as np
 
 from dtcasadi.bound import Bound
 from dtcasadi.discrete import DiscreteModel
+from dtcasadi.scene import Scene
+from dtcasadi.sensors import Marker
 
 from .runner import Track
-from .scenario import Truth
+from .truth import Truth
 
 if TYPE_CHECKING:
     from dtcasadi.cli.common import Report
 
-_AXES = "xyz"
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A filter's run, for people.
+
+    Attributes:
+        title: the filter's name.
+        discrete: its model.
+        track: what it made of the log.
+        tip: place of the scene's tip (`Tip`) in the root frame, shape (n, 3) [m].
+        tip_sigma: standard deviation of each coordinate of it, shape (n, 3) [m].
+        force: contact force in the root frame, shape (n, 3) [N].
+        force_sigma: its standard deviation, shape (n, 3) [N].
+    """
+
+    title: str
+    discrete: DiscreteModel
+    track: Track
+    tip: np.ndarray
+    tip_sigma: np.ndarray
+    force: np.ndarray
+    force_sigma: np.ndarray
 
 
-def tip_of(discrete: DiscreteModel, x: np.ndarray, thetas: np.ndarray) -> np.ndarray:
-    """Origin of the last disc in the root frame at each row, shape (n, 3) [m]."""
-    poses = Bound(_poses(discrete))
-    return np.array([poses(*row) for row in zip(x, thetas, strict=True)])
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """What the errors of a scene are measured at: a marker on the last disc, or its centre.
+
+    Attributes:
+        point: in the disc's frame, shape (3,) [m].
+        marker: name of the marker, or ''.
+    """
+
+    point: np.ndarray
+    marker: str = ""
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """The tip of a scene."""
+        for sensor in scene.sensors:
+            if isinstance(sensor, Marker) and sensor.disc == scene.robot.n_discs:
+                return cls(sensor.point, sensor.name)
+        return cls(scene.robot.discs[-1].centre_of_mass)
+
+    def places(self, discrete: DiscreteModel, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """The tip in the root frame at each row of x and theta, shape (n, 3) [m]."""
+        slope = Bound(self.slope(discrete))
+        return np.array([slope(*row)[0] for row in zip(x, theta, strict=True)])
+
+    def slope(self, discrete: DiscreteModel) -> ca.Function:
+        """The tip and its derivative for x as a Function of x and theta."""
+        model = discrete.model
+        x, theta = ca.MX.sym("x", model.n_x), ca.MX.sym("theta", len(discrete.theta0))
+        R, r = model.poses(x[: model.n_q], theta[: len(model.theta0)])
+        place = r[:, -1] + ca.mtimes(R[:, -3:], ca.DM(self.point))
+        return ca.Function("tip", [x, theta], [place, ca.densify(ca.jacobian(place, x))])
 
 
-def _poses(discrete: DiscreteModel) -> ca.Function:
-    """The last disc's origin as a Function of x and theta."""
-    model = discrete.model
-    x, theta = ca.MX.sym("x", model.n_x), ca.MX.sym("theta", len(discrete.theta0))
-    _, r = model.poses(x[: model.n_q], theta[: len(model.theta0)])
-    return ca.Function("tip", [x, theta], [r[:, -1]])
+def result_of(title: str, tip: Tip, discrete: DiscreteModel, found: Track) -> Result:
+    """Where the tip is and what pushes, with standard deviations."""
+    n_x, block = len(discrete.state_names), discrete.theta_blocks["wrench"]
+    slope, tips, sigmas = Bound(tip.slope(discrete)), [], []
+    for est in found.estimates:
+        place, J = slope(est.x, est.theta)
+        tips.append(place)
+        sigmas.append(np.sqrt(np.einsum("ij,jk,ik->i", J, est.P[:n_x, :n_x], J)))
+    force = np.array([est.theta[block][:3] for est in found.estimates])
+    deviation = np.array([est.sigma[n_x : n_x + 3] for est in found.estimates])
+    return Result(title, discrete, found, np.array(tips), np.array(sigmas), force, deviation)
 
 
-def figures(discrete: DiscreteModel, found: Track, truth: Truth | None, report: Report) -> None:
-    """Say how the run went; errors where the truth is known."""
-    last = found.last
-    report.section("ekf", "extended Kalman filter")
+def tip_errors(result: Result, tip: Tip, truth: Truth) -> np.ndarray:
+    """Distance of estimated and true tip over the robot's length at every step, shape (n,)."""
+    places = tip.places(truth.discrete, truth.x, truth.theta)
+    return np.linalg.norm(result.tip - places, axis=1) / truth.discrete.model.robot.length
+
+
+def figures(results: Mapping[str, Result], tip: Tip, truth: Truth | None, report: Report) -> None:
+    """Say how the runs went; errors where the truth is known."""
+    for name, result in results.items():
+        _counts(name, result, report)
+        if truth is not None:
+            _errors(result, tip, truth, report)
+
+
+def _counts(name: str, result: Result, report: Report) -> None:
+    found, last = result.track, result.track.last
+    report.section(name, result.title)
     report.line(
         "{steps} steps; readings skipped {skipped}, updates gated {gated}, samples too late "
         "{refused}, steps failed {failed}, re-centred {recentred} times",
@@ -48,67 +118,21 @@ def figures(discrete: DiscreteModel, found: Track, truth: Truth | None, report: 
         failed=last.failed,
         recentred=last.recentred,
     )
-    force = last.theta[discrete.theta_blocks["wrench"]][:3]
-    report.line("contact force at the end: {force_N} N", force_N=force.round(4).tolist())
-    if truth is None:
-        return
-    tips = tip_of(discrete, *_rows(found))
-    length = discrete.model.robot.length
-    error = np.linalg.norm(tips - tip_of(discrete, truth.x, truth.theta), axis=1)
+    shown = result.force[-1].round(4).tolist()
+    report.line("contact force at the end: {force_N} N", force_N=shown)
+
+
+def _errors(result: Result, tip: Tip, truth: Truth, report: Report) -> None:
+    error = tip_errors(result, tip, truth)
     half = len(error) // 2
     report.line(
         "tip off by {start:.3g} of the length at the start, {rms:.3g} (root mean square) in the "
         "second half",
-        start=error[0] / length,
-        rms=float(np.sqrt(np.mean(error[half:] ** 2))) / length,
+        start=error[0],
+        rms=float(np.sqrt(np.mean(error[half:] ** 2))),
     )
-    forces = np.array([est.theta[discrete.theta_blocks["wrench"]][:3] for est in found.estimates])
-    off = np.linalg.norm(forces - truth.force, axis=1)
+    off = np.linalg.norm(result.force - truth.force, axis=1)
     report.line(
         "contact force off by {force_rms_N:.3g} N (root mean square) in the second half",
         force_rms_N=float(np.sqrt(np.mean(off[half:] ** 2))),
     )
-
-
-def drawn(discrete: DiscreteModel, found: Track, truth: Truth | None, path: Path) -> Path:
-    """Draw the tip and the contact force against time: truth, estimate, 2 sigma."""
-    from matplotlib.figure import Figure
-
-    from dtcasadi.files import written
-
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    tip_axes, force_axes = figure.subplots(2, 1, sharex=True)
-    x, thetas = _rows(found)
-    tips = 1e3 * tip_of(discrete, x, thetas)
-    block = discrete.theta_blocks["wrench"]
-    n_x = x.shape[1]
-    for k, axis in enumerate(_AXES):
-        color = f"C{k}"
-        tip_axes.plot(found.t, tips[:, k], color=color, label=f"{axis}, estimate")
-        sigma = np.array([est.sigma[n_x + k] for est in found.estimates])
-        force = thetas[:, block.start + k]
-        force_axes.plot(found.t, force, color=color, label=f"{axis}, estimate")
-        force_axes.fill_between(
-            found.t, force - 2 * sigma, force + 2 * sigma, color=color, alpha=0.2, lw=0
-        )
-        if truth is not None:
-            true_tip = 1e3 * tip_of(discrete, truth.x, truth.theta)
-            tip_axes.plot(truth.t, true_tip[:, k], color=color, ls="--", label=f"{axis}, truth")
-            force_axes.plot(
-                truth.t, truth.force[:, k], color=color, ls="--", label=f"{axis}, truth"
-            )
-    tip_axes.set_ylabel("origin of the last disc [mm]")
-    force_axes.set_ylabel("contact force, 2 sigma shaded [N]")
-    force_axes.set_xlabel("time [s]")
-    for axes in (tip_axes, force_axes):
-        axes.legend(ncols=3, fontsize="small", loc="best")
-        axes.grid(alpha=0.3)
-    with written(path) as file:
-        figure.savefig(file, format="png", dpi=120)
-    return path
-
-
-def _rows(found: Track) -> tuple[np.ndarray, np.ndarray]:
-    """States and parameters of each step, a row each."""
-    x = np.array([est.x for est in found.estimates])
-    return x, np.array([est.theta for est in found.estimates])

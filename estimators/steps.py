@@ -1,6 +1,5 @@
 """Prediction and update of the extended Kalman filter as CasADi Functions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from dtcasadi.measuring import Sensor
 
-from .base import Discrete, ProcessNoise
+from .base import Discrete
 from .covariance import predicted, updated
 
 OPTIONS = {"cse": True}
@@ -61,21 +60,6 @@ class Setting:
             sym("u", n_u),
             sym("theta", n_theta),
         )
-
-
-def setting(
-    discrete: Discrete, free: Sequence[int], Q: np.ndarray, noise: ProcessNoise | None
-) -> Setting:
-    """The setting with a constant Q, and process noise in physical terms where there is some."""
-    deviations: np.ndarray = np.zeros(0)
-    pushed: tuple[int, ...] = ()
-    if noise is not None and (noise.force or noise.moment):
-        block = discrete.theta_blocks["wrench"]
-        pair = np.repeat([noise.force, noise.moment], 3) / np.sqrt(discrete.step_s)
-        every = np.tile(pair, (block.stop - block.start) // 6)
-        deviations = every[every > 0]
-        pushed = tuple(np.arange(block.start, block.stop)[every > 0].tolist())
-    return Setting(discrete, tuple(free), Q, deviations, pushed)
 
 
 def prediction(s: Setting) -> Pair:

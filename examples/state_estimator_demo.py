@@ -1,7 +1,8 @@
 """State and contact force of a hanging tentacle from noisy sensors.
 
-Simulates the scene `estimation/tentacle`, filters what its sensors say, prints how far the
-estimate is off and draws it: `python examples/state_estimator_demo.py picture.png`.
+Simulates the scene `estimation/tentacle`, filters what its sensors say with every estimator,
+prints how far each is off and draws them: `python examples/state_estimator_demo.py picture.png`.
+With a second name, `film.gif`, truth and estimates move side by side.
 """
 
 import sys
@@ -10,23 +11,32 @@ from pathlib import Path
 import numpy as np
 
 import dtcasadi as dtc
-from estimators.report import drawn
-from estimators.runner import track
-from estimators.scenario import discrete_of, ekf_of, moved, recorded
+from estimators.film import side_by_side
+from estimators.plots import against_time
+from estimators.registry import ESTIMATORS
+from estimators.report import Tip, result_of, tip_errors
+from estimators.scenario import discrete_of
+from estimators.truth import moved, recorded
 
 
-def main(picture: str) -> None:
+def main(picture: str, film: str = "") -> None:
     """Run the experiment and draw it."""
     scene = dtc.load_scene("estimation/tentacle")
-    discrete = discrete_of(scene)
-    truth = moved(scene, discrete)
-    found = track(ekf_of(scene, discrete), recorded(scene, discrete, truth))
-    block = discrete.theta_blocks["wrench"]
-    force = np.array([est.theta[block][:3] for est in found.estimates])
-    k = np.searchsorted(truth.t, 2.5)
-    print(f"contact force at 2.5 s: {force[k].round(3)} N, true {truth.force[k]} N")
-    print("drawn:", drawn(discrete, found, truth, Path(picture)))
+    discrete, tip, truth = discrete_of(scene), Tip.of(scene), moved(scene)
+    log = recorded(scene, truth)
+    results = []
+    for choice in ESTIMATORS.values():
+        made = choice.build(scene, discrete)
+        found = result_of(choice.title, tip, made.discrete, choice.run(made, log))
+        results.append(found)
+        error = tip_errors(found, tip, truth)
+        k = np.searchsorted(truth.t, 2.5)
+        print(f"{choice.title}: tip off by {100 * error[-1]:.2f} % of the length at the end,")
+        print(f"  contact force at 2.5 s {found.force[k].round(3)} N, true {truth.force[k]} N")
+    print("drawn:", against_time(results, tip, truth, log, Path(picture)))
+    if film:
+        print("filmed:", side_by_side(results, truth, Path(film)))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "state_estimator_demo.png")
+    main(*(sys.argv[1:3] or ["state_estimator_demo.png"]))

@@ -67,10 +67,31 @@ def test_gif_moves_at_the_rate_asked_for(run, tmp_path):
 def test_frames_are_legible(make):
     run = make()
     motion = Motion.of(run, np.array([0.0, 1.5]))
-    figure, _ = module._stage(motion)
-    title = module._caption_on(figure, figure.axes[0], motion)
+    figure, _ = module._stage({"": motion})
+    title = module._caption_on(figure, figure.axes[0], motion, "")
     title.set_text(motion.caption(1) + module._FASTER.format(12.5))
     assert_legible(figure)
+
+
+def test_several_runs_side_by_side_are_legible_and_alike_in_scale(run, tmp_path):
+    bent = drawn_runs.ALL[-1]()
+    for other in (run, bent):
+        panels = {"truth": other, "an estimate with a long name": other}
+        motions = module._framed({k: Motion.of(v, np.array([0.0, 1.5])) for k, v in panels.items()})
+        figure, drawn = module._stage(motions)
+        for axes, (title, motion) in zip(drawn, motions.items(), strict=True):
+            text = module._caption_on(figure, axes, motion, title)
+            text.set_text(f"{title}\n{motion.caption(1)}")
+        assert_legible(figure)
+        assert drawn[0].get_xlim() == drawn[1].get_xlim()
+    path = animate({"a": run, "b": run}, tmp_path / "film.gif", fps=2)
+    with Image.open(path) as film:
+        film.seek(3)
+        frame = np.asarray(film.convert("RGB"), dtype=float)
+    # The same robot in both halves, but for the signs above the first.
+    half = frame.shape[1] // 2
+    left, right = frame[200:, :half], frame[200:, half : 2 * half]
+    assert np.mean(np.abs(left - right) > 60) < 0.02 < np.mean(left < 200)
 
 
 def test_long_runs_are_shown_faster_not_longer(run):

@@ -10,7 +10,17 @@ import dtcasadi as dtc
 from dtcasadi.cli import main
 from dtcasadi.errors import SceneError
 from dtcasadi.scene import parse_scene
+from estimators.scenario import discrete_of
+from estimators.truth import moved, truth_scene
 
+SPRINGS = """
+[[robot.springs]]
+discs = "all"
+at_deg = [90, 180, 270]
+stiffness = 10
+[[robot.chambers]]
+discs = "all"
+"""
 TABLES = """
 [[sensors]]
 name = "tip"
@@ -51,13 +61,15 @@ def scene_file(tmp_path_factory):
 
 
 def test_a_scene_is_simulated_filtered_and_drawn(scene_file, tmp_path, capsys):
-    files = {name: str(tmp_path / name) for name in ("a.png", "a.json", "a.csv")}
+    files = {name: str(tmp_path / name) for name in ("a.png", "a.json", "a.csv", "a.gif")}
     words = ["--png", files["a.png"], "--json", files["a.json"], "--save-log", files["a.csv"]]
+    words += ["--animate", files["a.gif"], "--estimator", "all"]
     assert main(["estimate", str(scene_file), *words]) == 0
     record = json.loads((tmp_path / "a.json").read_text())
     assert record["schema"] == 1 and record["ekf"]["steps"] == 25
     assert record["ekf"]["failed"] == 0 and record["ekf"]["rms"] < 0.05
     assert (tmp_path / "a.png").stat().st_size > 10_000
+    assert (tmp_path / "a.gif").stat().st_size > 10_000
     capsys.readouterr()
     assert main(["estimate", str(scene_file), files["a.csv"]]) == 0
     assert "25 steps" in capsys.readouterr().out
@@ -68,6 +80,25 @@ def test_a_bad_log_is_one_line(scene_file, tmp_path, capsys):
     log.write_text("t [s],tip.x [m]\n0,1\n0.02,fast\n")
     assert main(["estimate", str(scene_file), str(log)]) == 2
     assert "line 3: tip.x: expected a number, got 'fast'" in capsys.readouterr().err
+
+
+def test_an_unknown_estimator_is_one_line(scene_file, capsys):
+    assert main(["estimate", str(scene_file), "--estimator", "magic"]) == 2
+    assert "estimator: expected one of ekf, " in capsys.readouterr().err
+
+
+def test_the_truth_may_be_another_robot_than_the_filters(scene_file):
+    text = scene_file.read_text() + "truth_stiffness = 1.15\ntruth_hysteresis = 0.5\n"
+    text = text.replace("[run]", SPRINGS + "[run]")
+    scene = parse_scene(text.encode())
+    true = truth_scene(scene)
+    assert len(true.robot.springs) == 3
+    for spring, stiffer in zip(scene.robot.springs, true.robot.springs, strict=True):
+        assert stiffer.stiffness == pytest.approx(1.15 * spring.stiffness)
+    states = set(moved(scene, 0.1).discrete.state_names) - set(discrete_of(scene).state_names)
+    assert states == {"hysteresis_1"}
+    with pytest.raises(SceneError, match="expected a robot made from a tube or a rod"):
+        truth_scene(parse_scene((text + "truth_discs = 3\n").encode()))
 
 
 @pytest.mark.parametrize(

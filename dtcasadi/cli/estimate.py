@@ -1,53 +1,84 @@
-"""`dtcasadi estimate SCENE [LOG]`: a filter on a scene's sensors or on a log."""
+"""`dtcasadi estimate SCENE [LOG]`: filters on a scene's sensors or on a log."""
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from ..errors import EstimationError
 from .common import Report, check_target, phase
+from .simulate import check_film
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("scene", metavar="SCENE", help="a TOML file, or the name of a scene")
     parser.add_argument("log", metavar="LOG", nargs="?", help="a .csv or .npz file")
-    parser.add_argument("--estimator", choices=("ekf",), default="ekf", help="which filter")
-    parser.add_argument("--png", metavar="F", help="draw truth and estimate")
+    parser.add_argument(
+        "--estimator", metavar="NAME", default="ekf", help="which filter, or all (default: ekf)"
+    )
+    parser.add_argument("--png", metavar="F", help="draw truth, measurements and estimate")
+    parser.add_argument("--animate", metavar="F", help="draw truth and estimates as .gif or .mp4")
     parser.add_argument("--save-log", metavar="F", help="write the simulated measurements as .csv")
     parser.add_argument("--t-end", metavar="S", type=float, help="duration [s]")
 
 
 def run(options: argparse.Namespace, report: Report) -> int | None:
     """Simulate or read measurements, filter them, say and draw what came out."""
-    from estimators.report import drawn, figures
-    from estimators.runner import track
-    from estimators.scenario import discrete_of, ekf_of, moved, recorded
+    from estimators.registry import chosen
+    from estimators.report import Tip, figures
+    from estimators.truth import moved, recorded
 
     from ..logs import read_log
     from ..scene import load_scene
 
-    scene = load_scene(options.scene)
+    scene, choices = load_scene(options.scene), chosen(options.estimator)
     for target in (options.png, options.save_log):
         if target:
             check_target(Path(target))
+    if options.animate:
+        check_film(options.animate)
     log = read_log(options.log) if options.log else None
     report.section("phases", "wall time")
-    with phase(report, "build", "build, compile       {seconds:8.3f} s"):
-        discrete = discrete_of(scene)
-        ekf = ekf_of(scene, discrete)
     truth = None
     if log is None:
-        with phase(report, "simulate", "simulate             {seconds:8.3f} s"):
-            truth = moved(scene, discrete, options.t_end)
-            log = recorded(scene, discrete, truth)
+        with phase(report, "simulate", "build, simulate      {seconds:8.3f} s"):
+            truth = moved(scene, options.t_end)
+            log = recorded(scene, truth)
     if options.save_log:
         report.wrote(log.save(options.save_log))
-    with phase(report, "filter", "filter               {seconds:8.3f} s"):
-        found = track(ekf, log, t_end=options.t_end)
-    if not any(est.used for est in found.estimates):
-        raise EstimationError(f"{log.source}: expected readings of the scene's sensors, got none")
-    figures(discrete, found, truth, report)
+    results = _filtered(scene, choices, log, options.t_end, report)
+    tip = Tip.of(scene)
+    figures(results, tip, truth, report)
     if options.png:
-        report.wrote(drawn(discrete, found, truth, Path(options.png)))
+        from estimators.plots import against_time
+
+        shown = [*results.values()]
+        report.wrote(against_time(shown, tip, truth, log, Path(options.png)))
+    if options.animate:
+        from estimators.film import side_by_side
+
+        with phase(report, "animation", "draw animation       {seconds:8.3f} s"):
+            report.wrote(side_by_side([*results.values()], truth, Path(options.animate)))
     report.list_files()
     return None
+
+
+def _filtered(
+    scene: Any, choices: Any, log: Any, t_end: float | None, report: Report
+) -> dict[str, Any]:
+    """Every chosen filter's run on the log."""
+    from estimators.report import Tip, result_of
+    from estimators.scenario import discrete_of
+
+    discrete, results = discrete_of(scene), {}
+    for name, choice in choices.items():
+        with phase(report, f"build_{name}", f"build {name:15}{{seconds:8.3f}} s"):
+            made = choice.build(scene, discrete)
+        with phase(report, f"filter_{name}", f"filter {name:14}{{seconds:8.3f}} s"):
+            found = choice.run(made, log, t_end=t_end)
+        if not any(est.used for est in found.estimates):
+            raise EstimationError(
+                f"{log.source}: expected readings of the scene's sensors, got none"
+            )
+        results[name] = result_of(choice.title, Tip.of(scene), made.discrete, found)
+    return results

@@ -1,0 +1,113 @@
+"""What a scene's robot really does, and what its sensors say of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dtcasadi.actuators import Hysteresis, actuator_of
+from dtcasadi.bound import Bound
+from dtcasadi.discrete import DiscreteModel
+from dtcasadi.errors import EstimationError
+from dtcasadi.logs import Log
+from dtcasadi.scene import Scene
+
+from .scenario import contact_disc, settings
+
+# Of fourth order and L-stable, and not what filters step with: its error is far below theirs.
+_METHOD = "rodas4"
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What really happened, at every step.
+
+    Attributes:
+        discrete: the robot that moved, with its sensors.
+        t: times [s], shape (n,).
+        x: states, shape (n, n_x).
+        theta: parameters, shape (n, n_theta).
+        u: commands, shape (n, n_u).
+        force: contact force in the root frame, shape (n, 3) [N].
+    """
+
+    discrete: DiscreteModel
+    t: np.ndarray
+    x: np.ndarray
+    theta: np.ndarray
+    u: np.ndarray
+    force: np.ndarray
+
+
+def truth_scene(scene: Scene) -> Scene:
+    """The scene with the robot as it really is: see the fields `truth_...` of `Estimation`.
+
+    Raises:
+        SceneError: it cannot be cut into other discs.
+    """
+    choice = settings(scene)
+    if choice.truth_discs:
+        share = ((choice.disc or scene.robot.n_discs) - 1) / (scene.robot.n_discs - 1)
+        scene = scene.rediscretised(choice.truth_discs)
+        scene = replace(
+            scene, estimation=replace(choice, disc=1 + round(share * (choice.truth_discs - 1)))
+        )
+    robot, options = scene.robot, dict(scene.options)
+    stiffer = (replace(s, stiffness=choice.truth_stiffness * s.stiffness) for s in robot.springs)
+    if choice.truth_hysteresis:
+        source = actuator_of(options.get("actuator", "direct"))
+        options["actuator"] = Hysteresis(source, amplitude=choice.truth_hysteresis)
+    return replace(scene, robot=replace(robot, springs=tuple(stiffer)), options=options)
+
+
+def moved(scene: Scene, t_end: float | None = None) -> Truth:
+    """The scene's motion under its pressure and contact force, step by step.
+
+    Raises:
+        EstimationError: a step that is not finite.
+    """
+    choice, true = settings(scene), truth_scene(scene)
+    model = true.build(wrenches=contact_disc(true))
+    discrete = model.discrete(choice.step_s, method=_METHOD, sensors=true.sensors)
+    step = discrete.compiled("step")
+    n = round((scene.t_end if t_end is None else t_end) / choice.step_s)
+    x, theta = true.x0(model), discrete.theta0.copy()
+    block = discrete.theta_blocks["wrench"]
+    rows: list[tuple] = []
+    for k in range(n + 1):
+        t = k * choice.step_s
+        theta = theta.copy()
+        theta[block.start : block.start + 3] = choice.contact(t + 0.5 * choice.step_s)
+        u = scene.pressure(t)
+        rows.append((t, x, theta, u, theta[block.start : block.start + 3]))
+        x, status = step(x, u, theta)
+        if status[0] != 0:
+            raise EstimationError(f"{scene.name}: the step at {t:.6g} s is not finite")
+        x, theta, _ = discrete.recentre(x, theta)
+    return Truth(discrete, *(np.array(part) for part in zip(*rows, strict=True)))
+
+
+def recorded(scene: Scene, truth: Truth, seed: int | None = None) -> Log:
+    """What the sensors say of a truth: noise, periods and drop-outs as the scene has them.
+
+    Rows are in the order of time; a sensor's latency is the runner's to observe.
+    """
+    choice, discrete = settings(scene), truth.discrete
+    rng = np.random.default_rng(choice.seed if seed is None else seed)
+    channels: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    unit = "Pa" if discrete.model.actuator.command == "pressure" else ""
+    for k in range(truth.u.shape[1]):
+        channels[f"command{k + 1}"], units[f"command{k + 1}"] = truth.u[:, k], unit
+    for name, sensor in discrete.sensors.items():
+        output = Bound(sensor.output)
+        rows = zip(truth.x, truth.u, truth.theta, strict=True)
+        y = np.array([np.atleast_1d(output(*row)) for row in rows])
+        y = y + rng.multivariate_normal(np.zeros(sensor.n_y), sensor.R_v, len(y))
+        every = round((sensor.period_s or discrete.step_s) / discrete.step_s) or 1
+        silent = (np.arange(len(y)) % every != 0) | (rng.random(len(y)) < sensor.dropout)
+        y[silent] = np.nan
+        for k, (channel, unit) in enumerate(sensor.channels):
+            channels[f"{name}.{channel}"], units[f"{name}.{channel}"] = y[:, k], unit
+    return Log(truth.t, channels, units, scene.name)
