@@ -14,6 +14,7 @@ from .actuators import (
 from .batch import Batch, batch
 from .charts import convert
 from .codegen import export_c
+from .contact import Box, Capsule, HalfSpace, Obstacle, Sphere
 from .discrete import DiscreteModel
 from .events import Event
 from .forces import (
@@ -39,7 +40,9 @@ from .statics import Branch, Equilibrium, branch, equilibrium
 __all__ = [
     "Actuator",
     "Batch",
+    "Box",
     "Branch",
+    "Capsule",
     "Cell",
     "Chamber",
     "Couple",
@@ -55,8 +58,10 @@ __all__ = [
     "FollowerLoad",
     "Force",
     "Gas",
+    "HalfSpace",
     "Hysteresis",
     "Model",
+    "Obstacle",
     "Orifice",
     "Payload",
     "PointLoad",
@@ -67,6 +72,7 @@ __all__ = [
     "Robot",
     "Run",
     "Scene",
+    "Sphere",
     "Spring",
     "Thread",
     "Valve",

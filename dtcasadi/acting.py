@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 
+from .contact.compliant import CompliantContact, rim_touches
 from .forces.inflation import PressureOnVolume
 from .forces.protocol import Force, packed
 from .forces.slopes import span_slopes, world_slopes
@@ -150,6 +151,19 @@ def stored(chain: Chain, forces: Sequence[Force], segments: list[Segment]) -> ca
         parts = (packed(force) for force in held)
         energy = energy + chain.asm.call(world_energy, R[disc - 1], r[disc - 1], *parts)
     return energy
+
+
+def touches(
+    chain: Chain, contacts: Sequence[CompliantContact], segments: list[Segment], qd: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX] | None:
+    """Gaps (n, 1), places (3, n) and forces (3, n) of rim points, contact by contact."""
+    if not contacts:
+        return None
+    seen = Traits(pose=True, rates=True, idle=False)
+    states = world_states(chain, {each.disc: seen for each in contacts}, segments, qd)
+    calls = [chain.asm.call(rim_touches, *states[each.disc], packed(each)) for each in contacts]
+    gaps, places, forces = zip(*calls, strict=True)
+    return ca.vertcat(*gaps), ca.horzcat(*places), ca.horzcat(*forces)
 
 
 def enclosed(chain: Chain, parts: Sequence[PressureOnVolume], segments: list[Segment]) -> ca.SX:

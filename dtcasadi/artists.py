@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .drawing import Shapes, View
 from .robot import Robot
+from .scenery import PushArtists
 from .style import BLACK, BLUE, CHAMBERS, GREY, PURPLE, VERMILION, faded
 
 SIGNS_HEIGHT = 0.56  # [in]
@@ -47,16 +48,23 @@ class RobotArtists:
     """A robot's discs, threads, springs and chambers on axes, moved from pose to pose.
 
     Attributes:
-        discs, threads, springs, chambers, path: the artists.
+        discs, threads, springs, chambers, path, pushes: the artists.
     """
 
-    def __init__(self, axes: Axes, robot: Robot, full_pressure: float):
+    def __init__(
+        self,
+        axes: Axes,
+        robot: Robot,
+        full_pressure: float,
+        arrows: tuple[float, float] = (0.0, 0.0),
+    ):
         """Put empty artists on the axes.
 
         Args:
             axes: where to draw.
             robot: the robot; the root disc is drawn in grey.
             full_pressure: absolute pressure at which a chamber has its strongest colour [Pa].
+            arrows: typical contact force [N], and shorter side of the picture [m].
         """
         self._full = full_pressure
         width = min(max(16.0 / robot.n_discs, 0.6), 2.0)  # many discs, thin lines
@@ -71,6 +79,7 @@ class RobotArtists:
         for collection in (self.chambers, self.springs, self.discs, self.threads):
             axes.add_collection(collection, autolim=False)
         axes.add_line(self.path)
+        self.pushes = PushArtists(axes, *arrows) if robot.obstacles else None
 
     def show(self, shapes: Shapes, pressure: np.ndarray, path: np.ndarray) -> None:
         """Move everything to a pose.
@@ -88,6 +97,8 @@ class RobotArtists:
         self.chambers.set_paths([_union(wall) for _, wall in shapes.chambers])
         self.chambers.set_facecolor([self._shade(k, pressure[k]) for k, _ in shapes.chambers])
         self.path.set_data(path[:, 0], path[:, 1])
+        if self.pushes is not None:
+            self.pushes.show(shapes.pushes)
 
     def _shade(self, chamber: int, pressure: float) -> tuple[float, float, float, float]:
         share = min(abs(pressure) / self._full, 1.0) if self._full > 0 else 0.0
@@ -114,6 +125,11 @@ def legend_handles(robot: Robot) -> dict[str, Line2D | Patch]:
     for k in range(min(n, 3)):
         label = "chamber" if n == 1 else f"chamber {k + 1}"
         handles[label] = Patch(color=faded(CHAMBERS[k], 0.5), linewidth=0)
+    if robot.obstacles:
+        handles["obstacle"] = Patch(facecolor=faded(GREY, 0.25), edgecolor=GREY)
+        handles["contact force"] = Line2D(
+            [], [], color=BLACK, linewidth=0.0, marker=r"$\uparrow$", markersize=9.0
+        )
     label = f"path of disc {robot.n_discs}"
     handles[label] = Line2D([], [], color=PURPLE, linewidth=1.0, linestyle=":")
     return handles

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .rim import circle, outline_of
 from .robot import Chamber, Disc, Robot
 
 # Of an oblique view: how far the viewer stands above the horizon and off the robot's side.
 _ELEVATION, _AZIMUTH = np.radians(18.0), np.radians(35.0)
-_CIRCLE = np.linspace(0.0, 2 * np.pi, 33)[:-1]
 _TEETH = 5  # zigzags of a spring
 
 
@@ -85,25 +85,13 @@ def _label(direction: np.ndarray) -> str:
     return "along the plane [m]"
 
 
-def outline_of(disc: Disc) -> np.ndarray:
-    """The disc's rim, shape (n, 3) [m]; of a disc without one, the hoop that spins like it."""
-    if len(disc.outline):
-        return disc.outline
-    return _circle(disc.centre_of_mass, np.sqrt(disc.inertia[2, 2] / disc.mass))
-
-
 def _section(chamber: Chamber, k: int, disc: Disc) -> np.ndarray:
     """Where a chamber presses on its k-th disc: the rim, or a circle of the same area."""
     assert chamber.areas is not None and chamber.centroids is not None
     area, centroid = chamber.areas[k], chamber.centroids[k]
     if area == disc.area and np.array_equal(centroid, disc.centroid) and len(disc.outline):
         return disc.outline
-    return _circle(centroid, np.sqrt(area / np.pi))
-
-
-def _circle(centre: np.ndarray, radius: float) -> np.ndarray:
-    rim = np.column_stack([np.sin(_CIRCLE), -np.cos(_CIRCLE), 0 * _CIRCLE])
-    return centre + radius * rim
+    return circle(centroid, np.sqrt(area / np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +106,7 @@ class Shapes:
         chambers: chamber number less one and the triangles of its wall, shape (n, 3, 2), for each
             pair of discs it spans.
         tip: centre of mass of the last disc, shape (2,).
+        pushes: (point, force) of each contact, shape (n, 2, 2) [m, N].
     """
 
     discs: list[np.ndarray]
@@ -126,6 +115,7 @@ class Shapes:
     springs: np.ndarray
     chambers: list[tuple[int, np.ndarray]]
     tip: np.ndarray
+    pushes: np.ndarray
 
     @property
     def points(self) -> np.ndarray:
@@ -134,7 +124,9 @@ class Shapes:
         return np.concatenate([*parts, *(wall.reshape(-1, 2) for _, wall in self.chambers)])
 
 
-def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
+def shapes_of(
+    robot: Robot, R: np.ndarray, r: np.ndarray, view: View, pushes: np.ndarray | None = None
+) -> Shapes:
     """Project a robot.
 
     Args:
@@ -142,6 +134,7 @@ def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
         R: disc frames in the root frame, shape (n_discs, 3, 3).
         r: their origins, shape (n_discs, 3) [m].
         view: the projection.
+        pushes: (place [m], force [N]) of each contact, shape (n, 2, 3).
     """
     flat = view.project
 
@@ -167,6 +160,7 @@ def shapes_of(robot: Robot, R: np.ndarray, r: np.ndarray, view: View) -> Shapes:
         springs=_zigzags(flat(np.array(ends).reshape(-1, 2, 3)), _swing(robot)),
         chambers=chambers,
         tip=flat(placed(robot.n_discs - 1, robot.discs[-1].centre_of_mass)),
+        pushes=flat(np.zeros((0, 2, 3)) if pushes is None else pushes),
     )
 
 

@@ -5,7 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 
-from .acting import enclosed, stored
+from .acting import enclosed, stored, touches
 from .actuation import actuated, closed, observed
 from .derivatives import Derivatives
 from .forces.inflation import pressures_on_volume
@@ -74,6 +74,14 @@ def forces(g: Graphs) -> ca.Function:
     """Generalized forces of the open list and of the theta block `wrench`."""
     value = g.generalized(g.open_forces, g.chain.segments(g.q), g.qd)
     return g.function("forces", ("q", "qd", "theta"), force=value)
+
+
+def contacts(g: Graphs) -> ca.Function:
+    """Every rim point that may touch an obstacle."""
+    chain = g.chain
+    found = touches(chain, chain.numbers.contacts, chain.segments(g.q), g.qd)
+    gap, place, force = found or (chain.asm.expression(n, 0) for n in (0, 3, 3))
+    return g.function("contacts", ("q", "qd", "theta"), gap=gap, place=place, force=force)
 
 
 def forward_dynamics(g: Graphs) -> ca.Function:

@@ -130,14 +130,15 @@ class Graphs(Ports):
 
     @cached_property
     def open_forces(self) -> list[Force]:
-        """The robot's open list and the theta block `wrench`."""
+        """The robot's open list, its contacts and the theta block `wrench`."""
         start = self.layout.blocks.get("wrench", slice(0, 0)).start
         places = range(start, start + 6 * len(self.options.wrenches), 6)
         wrenches = [
             DeadWrench(disc, self.theta[k : k + 3], self.theta[k + 3 : k + 6])
             for disc, k in zip(self.options.wrenches, places, strict=True)
         ]
-        return [*self.chain.numbers.forces, *wrenches]
+        numbers = self.chain.numbers
+        return [*numbers.forces, *numbers.contacts, *wrenches]
 
     def chamber_forces(self, pressure: ca.SX) -> list[list[Force]]:
         """The forces of each chamber."""

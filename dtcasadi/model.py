@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # benchmarks/results/compile_size.md has the figures behind it.
 FLAT_UP_TO = 8
 
-
 _BUILDERS = {
     name: getattr(functions, name)
     for name in (
@@ -39,6 +38,7 @@ _BUILDERS = {
         "inflation",
         "volume",
         "forces",
+        "contacts",
         "forward_dynamics",
         "inverse_dynamics",
         "thread_tension",
@@ -107,6 +107,9 @@ class Model:
     volume = _Graph("V (q, pressure, theta) of each chamber's air, shape (n_u,) [m^3].")
     forces = _Graph(
         "Q (q, qd, theta) of the robot's forces and block `wrench`, shape (n_q,) [N m]."
+    )
+    contacts = _Graph(
+        "Rim points: gap (n,) [m], place (3, n) [m], force (3, n) [N] (q, qd, theta)."
     )
     forward_dynamics = _Graph("qdd (q, qd, pressure, tau, theta), shape (n_q,) [rad/s^2].")
     inverse_dynamics = _Graph("tau (q, qd, qdd, pressure, theta), shape (n_q,) [N m].")

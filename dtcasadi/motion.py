@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from .artists import Box, RobotArtists
 from .drawing import Shapes, View, shapes_of, view_of
 from .result import Run
+from .scenery import draw_obstacles, pushes, surroundings, typical_force
 from .style import PictureError, pressure_unit
 
 VIEWS = ("plane", "3d")
@@ -29,6 +30,7 @@ class Motion:
         pressure: of each chamber at each time, shape (n_u, m) [Pa].
         full_pressure: the largest absolute one of the run [Pa].
         box: limits that hold every frame.
+        middle: of all discs' origins in all frames, root frame, shape (3,) [m].
         path: where the last disc's centre of mass is at `path_times`, shape (n, 2) [m].
     """
 
@@ -39,6 +41,7 @@ class Motion:
     pressure: np.ndarray
     full_pressure: float
     box: Box
+    middle: np.ndarray
     path: np.ndarray
     path_times: np.ndarray
 
@@ -52,12 +55,18 @@ class Motion:
         if view is not None and view not in VIEWS:
             raise PictureError(f"view: expected one of {', '.join(VIEWS)}, got {view!r}")
         robot = run.model.robot
-        R, r = run.at(times).poses()
+        moments = run.at(times)
+        R, r = moments.poses()
         seen = view_of(robot, R, r, view)
-        shapes = [shapes_of(robot, *pose, seen) for pose in zip(R, r, strict=True)]
+        contacts = moments.contacts
+        shapes = [
+            shapes_of(robot, R[k], r[k], seen, pushes(contacts, t)) for k, t in enumerate(times)
+        ]
         path_times, path = tip_path(run)
         page = seen.project(path)
         points = np.concatenate([page, *(shape.points for shape in shapes)])
+        forces = [shape.pushes for shape in shapes]
+        points = np.concatenate([points, surroundings(robot.obstacles, seen, points, forces)])
         pressure = run.pressure
         last = np.maximum(np.searchsorted(run.t, times, side="right") - 1, 0)
         return cls(
@@ -68,13 +77,19 @@ class Motion:
             pressure=pressure[:, last],
             full_pressure=float(np.abs(pressure).max(initial=0.0)),
             box=Box.around(points),
+            middle=r.reshape(-1, 3).mean(axis=0),
             path=page,
             path_times=path_times,
         )
 
     def artists_on(self, axes: Axes) -> RobotArtists:
         """The robot's artists on axes, not yet in a pose."""
-        return RobotArtists(axes, self.run.model.robot, self.full_pressure)
+        robot = self.run.model.robot
+        size = self.box.size
+        if robot.obstacles:
+            draw_obstacles(axes, robot.obstacles, self.view, self.middle, size.max())
+        arrows = typical_force([shape.pushes for shape in self.shapes]), float(size.min())
+        return RobotArtists(axes, robot, self.full_pressure, arrows)
 
     def frame(self, k: int) -> tuple[Shapes, np.ndarray, np.ndarray]:
         """What `RobotArtists.show` takes."""

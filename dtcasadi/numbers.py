@@ -6,24 +6,26 @@ from 1; disc 1 is the root.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from .actuators import Actuator
 from .actuators.parameters import named
+from .contact.compliant import NUMBERS, CompliantContact
 from .errors import ModelError
 from .forces.damping import SegmentDamping
 from .forces.gravity import Gravity
 from .forces.inflation import ChamberNumbers
 from .forces.protocol import Body, Force, constant, numbers_in, with_numbers
 from .forces.springs import Springs
+from .rim import rim_points
 from .robot import Robot
 
 _PATH = re.compile(
-    r"(discs|threads|springs|chambers|damping|forces)(?:\[(\d{1,6})\])?\.([a-z][a-z_0-9]*)"
+    r"(discs|threads|springs|chambers|damping|forces|obstacles)(?:\[(\d{1,6})\])?\.([a-z][a-z_0-9]*)"
 )
 Getter = Callable[[str, int, str], ca.SX]
 _FIELDS = {
@@ -32,6 +34,7 @@ _FIELDS = {
     "springs": ("start", "end", "stiffness", "rest_length", "damping"),
     "chambers": ("areas", "radial_compliance"),
     "damping": ("c_a", "c_b", "c_w", "c_r"),
+    "obstacles": ("geometry", "stiffness", "friction", "slip_speed", "dissipation"),
 }
 # A parameter `inertia` is its six independent entries, so that no estimate can break its symmetry.
 INERTIA_ORDER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -58,6 +61,7 @@ class Numbers(NamedTuple):
     chambers: tuple[ChamberNumbers, ...]
     fields: tuple[Force, ...]  # gravity first
     forces: tuple[Force, ...]  # the robot's open list
+    contacts: tuple[CompliantContact, ...]  # of each obstacle with each disc it may touch
 
 
 def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
@@ -157,7 +161,18 @@ def numbers_of(robot: Robot, symbols: Mapping[Slot, ca.SX]) -> Numbers:
         ),
         fields=(gravity, *(force for force in forces if type(force).field is not Force.field)),
         forces=forces,
+        contacts=tuple(_contacts(robot, get)),
     )
+
+
+def _contacts(robot: Robot, get: Getter) -> Iterator[Any]:
+    """Contacts of every obstacle, disc by disc."""
+    for k, obstacle in enumerate(robot.obstacles):
+        numbers = {name: get("obstacles", k, name) for name in NUMBERS}
+        for disc in obstacle.touching(robot.n_discs):
+            points = rim_points(robot.discs[disc - 1], obstacle.rim_points)
+            contact = CompliantContact.of(obstacle, disc, points)
+            yield with_numbers(contact, {**numbers, "points": constant(points)})
 
 
 def _springs(robot: Robot, segment: int, get: Getter) -> Springs:

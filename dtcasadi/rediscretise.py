@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .contact import Obstacle
 from .errors import SceneError
 from .forces.protocol import Force
 from .robot import Robot
@@ -26,6 +27,7 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
     before, after = _places(scene.robot), _places(cut)
     nearest = {i: int(np.argmin(np.abs(after - x))) + 1 for i, x in enumerate(before, 1)}
     forces = tuple(_moved(force, nearest) for force in scene.robot.forces)
+    obstacles = tuple(_facing(obstacle, nearest) for obstacle in scene.robot.obstacles)
     middles, new_middles = _middles(before), _middles(after)
     poses = []
     for values in (scene.q0, scene.qd0):
@@ -34,7 +36,7 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
         poses.append((np.array(at).T * np.diff(after)[:, np.newaxis]).ravel())
     return replace(
         scene,
-        robot=replace(cut, forces=forces),
+        robot=replace(cut, forces=forces, obstacles=obstacles),
         q0=poses[0],
         qd0=poses[1],
         initial_chart=charts.pop(),
@@ -58,6 +60,12 @@ def _moved(force: Force, nearest: dict[int, int]) -> Force:
         raise _error("robot.forces", "forces on single discs", type(force).__name__)
     changes: dict[str, Any] = {"disc": max(nearest[number], 2)}
     return replace(force, **changes)
+
+
+def _facing(obstacle: Obstacle, nearest: dict[int, int]) -> Obstacle:
+    if obstacle.discs is None:
+        return obstacle
+    return replace(obstacle, discs=tuple(sorted({max(nearest[d], 2) for d in obstacle.discs})))
 
 
 def _sensor_moved(sensor: Sampled, nearest: dict[int, int]) -> Sampled:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .checks import shown
+from .contact.record import Contacts, contacts_of
 from .errors import SimulationError
 from .events import Passed
 from .files import written
@@ -108,6 +109,11 @@ class Run:
             name: np.array(value).reshape(self.model.n_u, n)
             for name, value in zip(function.name_out(), values, strict=True)
         }
+
+    @property
+    def contacts(self) -> Contacts:
+        """Which disc touched which obstacle where and how hard, at the run's times."""
+        return contacts_of(self)
 
     def at(self, times: Sequence[float] | np.ndarray) -> "Run":
         """The same run seen at other times (dense output): t, x, u and thetas there.

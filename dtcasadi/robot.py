@@ -6,13 +6,14 @@ tangent, z axial. Everything is checked once, here and in `dtcasadi.parts`; the 
 no checks.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from . import checks
+from .contact.obstacle import Obstacle
 from .errors import RobotError
 from .forces.protocol import Force
 from .forces.traits import check
@@ -46,6 +47,7 @@ class Robot:
         up: direction against gravity in the root frame; stored as a unit vector.
         gravity: acceleration of gravity [m/s^2], not negative.
         forces: any number, of `dtcasadi.forces` or one's own (see `dtcasadi.Force`).
+        obstacles: any number, of `dtcasadi.contact`, that the discs may touch.
 
     Raises:
         RobotError: naming the field, what was expected and what was given.
@@ -59,6 +61,7 @@ class Robot:
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     gravity: float = STANDARD_GRAVITY
     forces: tuple[Force, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
         """Check how the parts fit together and complete the defaults."""
@@ -91,7 +94,18 @@ class Robot:
             up=checks.unit("up", self.up),
             gravity=checks.number("gravity", self.gravity, nonnegative=True),
             forces=_fitted(_items("forces", self.forces, Force), discs, threads),
+            obstacles=_items("obstacles", self.obstacles, Obstacle),
         )
+        set_fields(self, obstacles=tuple(self._fitted_obstacles()))
+
+    def _fitted_obstacles(self) -> Iterator[Obstacle]:
+        """The obstacles with what they take from the robot filled in."""
+        for number, obstacle in enumerate(self.obstacles, 1):
+            try:
+                yield obstacle.fitted(self.n_discs, self.weight)
+            except RobotError as error:
+                path = f"obstacles[{number}].{error.field}"
+                raise RobotError(path, error.expected, error.got) from None
 
     @classmethod
     def from_tube(
@@ -192,6 +206,11 @@ class Robot:
     def n_discs(self) -> int:
         """Number of discs, the root included."""
         return len(self.discs)
+
+    @property
+    def weight(self) -> float:
+        """Of all discs but the root [N]."""
+        return self.gravity * sum(disc.mass for disc in self.discs[1:])
 
     @property
     def length(self) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import checks
 from .errors import SceneError
+from .scene_obstacles import with_obstacles
 from .scene_robot import RobotPart, read_robot
 from .scene_sensors import read_estimation, read_sensors
 from .scene_settings import read_command, read_initial, read_measure, read_model, read_run
@@ -57,9 +58,10 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     fields["measure"] = read_measure(_optional(top, "measure"))
     fields["sensors"] = read_sensors(top, robot.n_discs, robot.n_chambers)
     fields["estimation"] = read_estimation(top.table("estimation", default=None))
+    placed = with_obstacles(top, robot.robot)
     top.close()
     faults.check()
-    fields |= {"robot": robot.robot, "options": options, "pressure": command}
+    fields |= {"robot": placed, "options": options, "pressure": command}
     return fields | {"beam": robot.beam}
 
 

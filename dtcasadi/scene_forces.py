@@ -115,7 +115,7 @@ def read_forces(table: Table, discs: Discs) -> list[Force]:
 def _read_force(part: Table, kind: Kind, discs: Discs, room: int) -> list[Force]:
     strands = read_strands(part, discs) if kind.between else None
     on = None if kind.between else _read_disc_numbers(part, discs.number)
-    values = given({name: _read(part, name, key) for name, key in kind.keys.items()})
+    values = given({name: read_key(part, name, key) for name, key in kind.keys.items()})
     if kind.make is Couple:
         values |= given({"follower": part.truth("follower", default=None)})
     part.close()
@@ -129,7 +129,7 @@ def _read_force(part: Table, kind: Kind, discs: Discs, room: int) -> list[Force]
     return [force for force in made if force is not None]
 
 
-def _read(part: Table, name: str, key: Key) -> Any:
+def read_key(part: Table, name: str, key: Key) -> Any:
     """A key's numbers; None where it is absent."""
     options: dict[str, Any] = {} if key.needed else {"default": None}
     if key.shape == ():

@@ -147,6 +147,20 @@ disc = 2
 magnitude = 0.25
 direction = [0, 0, 1]
 
+[[obstacle]]
+kind = "box"
+centre_mm = [0, -60, 20]
+size_mm = [50, 20, 40]
+orientation_deg = [10, 0, 0]
+rounding_mm = 2
+penetration_mm = 1
+load = 2
+friction = 0.4
+slip_speed_mm_per_s = 5
+dissipation = 0.1
+rim_points = 4
+discs = [3, 4]
+
 [model]
 chart = ["cardan", "paper", "cardan"]
 velocity_terms = "full"

@@ -31,6 +31,7 @@ DEFAULT = (
     "damping",
     "inflation",
     "forces",
+    "contacts",
     "inverse_dynamics",
     "poses",
     "ode_jacobian",
@@ -69,7 +70,7 @@ def described(
         name: prefix of every symbol; default: the scene's name.
         functions: names out of the model's Functions, `step`, `linearize` and `recentre`; default:
             `DEFAULT`, without `recentre` where the model never re-centres and without `forces`
-            where it has none.
+            and `contacts` where it has none.
         method: of `step` and `linearize`; default: the scene's where it is a one-step method with
             a fixed step, else `STEP_METHOD`.
         step_s: their step [s]; default: the scene's, else `STEP_S`.
@@ -107,8 +108,11 @@ def described(
 def _default(model: Model) -> tuple[str, ...]:
     """`DEFAULT` without what this model has no use for."""
     unused = set() if model.recentres else {"recentre"}
-    if not (model.robot.forces or model.options.wrenches):
+    robot = model.robot
+    if not (robot.forces or robot.obstacles or model.options.wrenches):
         unused.add("forces")
+    if not robot.obstacles:
+        unused.add("contacts")
     return tuple(name for name in DEFAULT if name not in unused)
 
 

@@ -93,6 +93,10 @@ NOTES = {
         ("volume [m^3]", "volume_rate [m^3/s]"),
     ),
     "span_jacobian": Note("derivatives of the forces between discs", _JACOBIAN),
+    "rim_touches": Note(
+        "contact of the disc's rim: distance, place and force of each point, root frame",
+        ("gap [m]", "place [m]", "force [N]"),
+    ),
     "world_wrench": Note("forces of the world on the disc, its frame", _LOAD),
     "world_slopes": Note("wrench of a unit of the forces' number, the disc's frame", _LOAD),
     "world_energy": Note("energy of the forces of the world on the disc", ("energy [J]",)),
