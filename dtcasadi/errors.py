@@ -83,3 +83,7 @@ class LogError(DtcasadiError, ValueError):
 
 class ControlError(DtcasadiError, ValueError):
     """A control problem was posed with terms that do not fit together, or cannot be used."""
+
+
+class BenchError(DtcasadiError, RuntimeError):
+    """A benchmark does not have what it was asked for, or one of its processes died."""

@@ -96,6 +96,8 @@ class Model:
         theta_blocks: name of each block of theta -> its slice.
         centres: where each segment that can re-centre is found in q and theta.
         state_names: one name per state.
+        interpreted: Functions that `compiled` leaves to CasADi's virtual machine, where compiling
+            would take minutes; with `ode_jacobian`, implicit steps stay there too.
     """
 
     mass_matrix = _Graph("M(q, theta), shape (n_q, n_q), eq (6).")
@@ -150,6 +152,7 @@ class Model:
         self._native = Graphs(robot, options, theta, native=True)
         self._functions: dict[str, ca.Function] = {}
         self._compiled: dict[str, ca.Function] = {}
+        self.interpreted: set[str] = set()
         self._kept: dict[Hashable, Any] = {}
 
     @property
@@ -216,7 +219,8 @@ class Model:
         """
         if name not in self._compiled:
             function = self.plain(name)
-            self._compiled[name] = twin(function, source=self.native(name))
+            stays = name in self.interpreted
+            self._compiled[name] = function if stays else twin(function, source=self.native(name))
         function = self._compiled[name]
         ports = MATRICES.intersection(function.name_out())
         return Bound(function, matrices=ports, name=name)

@@ -1,6 +1,7 @@
 """Benchmarks of this machine that need no other program: what `dtcasadi bench` runs.
 
-Each module has `add_arguments(parser)` and `run(options, report)`, like a command.
+Each module has `add_arguments(parser)` and `run(options, report)`, like a command; a dash in a name
+is an underscore in its module's.
 """
 
 BENCHES = {
@@ -8,6 +9,7 @@ BENCHES = {
     "actuators": "time per call with air supply and hysteresis against direct pressure",
     "dynamics": "time per call and operations of the state equation over the number of discs",
     "inflation": "time per call with inflation by volume against the last disc's",
+    "stability": "largest stable step of every method on hard scenes, or why it fails",
     "statics": "time of an equilibrium from a cold start and of a pressure sweep with stability",
 }
 

@@ -12,7 +12,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = parser.add_subparsers(metavar="NAME", dest="bench", required=True, parser_class=Parser)
     for name, line in BENCHES.items():
         bench = names.add_parser(name, help=line, description=f"{line[0].upper()}{line[1:]}.")
-        module = import_module(f"..bench.{name}", __package__)
+        module = import_module(f"..bench.{name.replace('-', '_')}", __package__)
         module.add_arguments(bench)
         bench.add_argument("--json", metavar="F", help="write every figure to this file")
         bench.set_defaults(bench_run=module.run)

@@ -93,7 +93,8 @@ class Report:
         """Write the record, whole or not at all, if a file was asked for."""
         if self._json:
             write_json(self._json, self.record)
-            self.wrote(self._json)
+            if self._json not in self.files:
+                self.wrote(self._json)
 
 
 def _cell(value: Any) -> str:

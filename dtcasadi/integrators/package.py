@@ -15,7 +15,7 @@ from ..recentring import LIMIT, NEAR, chart_limit, guard_indices, off_centre, si
 from .loop import Loop, build_loop
 from .loop_state import LoopState, Stop, Watched
 from .problem import Problem, Trajectory
-from .recorder import Recorder, segment_of
+from .recorder import Recorder, Sink, segment_of
 from .stability import stability_limit
 from .step import OneStep
 from .steppers import plant_of, step_function
@@ -36,14 +36,25 @@ _WHY = {
 
 @dataclass(frozen=True)
 class Package:
-    """A one-step method with error control where it has an estimate, else with a fixed step."""
+    """A one-step method with error control where it has an estimate, else with a fixed step.
+
+    Attributes:
+        method: the formula.
+        fixed: leave its error estimate alone and take steps of `step_s` throughout.
+    """
 
     method: OneStep
+    fixed: bool = False
 
     @property
     def name(self) -> str:
         """The method's name."""
         return self.method.name
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether the error estimate sets the step."""
+        return self.method.error_order > 0 and not self.fixed
 
     def prepare(self, model: Model) -> None:
         """Compile the loop."""
@@ -54,6 +65,8 @@ class Package:
         """The compiled loop of this method for a model, built once."""
 
         def build() -> Loop:
+            if self.method.a_stable and "ode_jacobian" in model.interpreted:
+                return Loop(step_function(self.method, plant_of(model.graphs[1])), None)
             step, fallback = (step_function(self.method, plant_of(g)) for g in model.graphs)
             return build_loop(step, fallback)
 
@@ -65,19 +78,28 @@ class Package:
         Raises:
             SimulationError: a step is needed, or it is beyond the linear stability limit.
         """
-        pieces = affine(self.name, problem)
         self._refuse_unstable(problem)
         recorder = Recorder(problem)
-        run = Advance(problem, recorder)
-        failure = ""
-        for piece in pieces:
+        return recorder.finish(self.name, self.through(problem, recorder))
+
+    def through(self, problem: Problem, sink: Sink) -> str:
+        """Run piece by piece into a sink, to the end or until the sink has enough.
+
+        Returns:
+            Why it failed, or nothing.
+
+        Raises:
+            SimulationError: the command is a function of time.
+        """
+        run, failure = Advance(problem, sink), ""
+        for piece in affine(self.name, problem):
             failure = run.over(self, piece, piece.t_end)
-            if failure or recorder.ended:
+            if failure or sink.ended:
                 break
-        return recorder.finish(self.name, failure)
+        return failure
 
     def _refuse_unstable(self, problem: Problem) -> None:
-        if self.method.error_order:
+        if self.adaptive:
             return
         if problem.step_s is None:
             raise SimulationError(
@@ -98,7 +120,7 @@ class Package:
 class Advance:
     """A run under way: state, parameters and the size of the next step."""
 
-    def __init__(self, problem: Problem, recorder: Recorder):
+    def __init__(self, problem: Problem, recorder: Sink):
         self.problem, self.recorder = problem, recorder
         self.x, self.theta = problem.x0.copy(), problem.theta.copy()
         self.t = problem.pieces[0].t_start
@@ -143,8 +165,7 @@ class Advance:
 
     def _state(self, method: Package, piece: Piece, t_end: float) -> LoopState:
         problem = self.problem
-        adaptive = method.method.error_order > 0
-        if adaptive:
+        if method.adaptive:
             if self.h is None:
                 self.h = problem.step_s or self._first_step(piece)
             h, h_max = self.h, t_end - self.t
@@ -165,7 +186,7 @@ class Advance:
             limit=LIMIT,
             near=NEAR,
             t_command=piece.t_start,
-            adaptive=adaptive,
+            adaptive=method.adaptive,
         )
 
     def _first_step(self, piece: Piece) -> float:

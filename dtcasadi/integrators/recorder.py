@@ -1,11 +1,39 @@
 """Gathers the steps of a run made by this package's loop into a trajectory."""
 
+from typing import Protocol
+
 import numpy as np
 
 from ..events import Passed
 from ..model import Model
 from .dense import Quintic
 from .problem import Problem, Trajectory
+
+
+class Sink(Protocol):
+    """What a run gives its steps to, stretch by stretch.
+
+    Attributes:
+        size: numbers kept so far.
+        recentrings: (time, segments from 1).
+        events: guard functions that passed zero.
+        ended: why the run is to end here, or empty.
+        rejected: steps tried again.
+        evaluations: calls of the state equation.
+    """
+
+    size: int
+    recentrings: list[tuple[float, tuple[int, ...]]]
+    events: list[Passed]
+    ended: str
+    rejected: int
+    evaluations: int
+
+    def add(self, t: np.ndarray, x: np.ndarray, theta: np.ndarray) -> None:
+        """Accepted steps, x of shape (m, n_x), taken with theta."""
+
+    def replace_last(self, x: np.ndarray, theta: np.ndarray, segments: tuple[int, ...]) -> None:
+        """The last state in re-centred coordinates."""
 
 
 class Recorder:

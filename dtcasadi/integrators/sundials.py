@@ -85,6 +85,8 @@ def _ode_of(model: Model) -> ca.Function:
     """The compiled state equation with its derivative, or the symbolic one without a compiler."""
 
     def build() -> ca.Function:
+        if "ode_jacobian" in model.interpreted:
+            return model.ode
         pair = (model.native("ode"), model.native("ode_jacobian"))
         return external_with_jacobian(*pair) or model.ode
 
