@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .errors import RobotError
+from .errors import ModelError, RobotError
 
 Raiser = Callable[[str, str, object], Exception]
 
@@ -129,6 +129,12 @@ def truth(field: str, value: object, *, error: Raiser = RobotError) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise error(field, "True or False", shown(value))
     return bool(value)
+
+
+def choice(field: str, value: object, valid: Sequence[str]) -> None:
+    """Raise ModelError where the value is none of the valid words."""
+    if value not in valid:
+        raise ModelError(f"{field}: expected one of {', '.join(valid)}, got {value!r}")
 
 
 def index(field: str, value: object, low: int, high: int, *, error: Raiser = RobotError) -> int:

@@ -11,7 +11,7 @@ from . import functions, jacobians, recentring
 from .actuators import Actuator, actuator_of
 from .bound import MATRICES, Bound
 from .charts import Chart, charts_of
-from .checks import shown
+from .checks import choice, shown
 from .compile import twin
 from .errors import ModelError
 from .forces.inflation import INFLATION
@@ -319,10 +319,10 @@ def build(
     """
     if not isinstance(robot, Robot):
         raise ModelError(f"robot: expected a Robot, got {shown(robot)}")
-    _choice("velocity_terms", velocity_terms, ("full", "paper", "none"))
-    _choice("damping", damping, ("physical", "coordinate"))
-    _choice("inflation", inflation, tuple(INFLATION))
-    _choice("assembly", assembly, ("auto", "flat", "graph"))
+    choice("velocity_terms", velocity_terms, ("full", "paper", "none"))
+    choice("damping", damping, ("physical", "coordinate"))
+    choice("inflation", inflation, tuple(INFLATION))
+    choice("assembly", assembly, ("auto", "flat", "graph"))
     if assembly == "auto":
         assembly = "flat" if robot.n_discs <= FLAT_UP_TO else "graph"
     discs = tuple(wrenches)
@@ -347,8 +347,3 @@ def build(
         assembly=assembly,
     )
     return Model(robot, options)
-
-
-def _choice(name: str, value: object, valid: tuple[str, ...]) -> None:
-    if value not in valid:
-        raise ModelError(f"{name}: expected one of {', '.join(valid)}, got {value!r}")
