@@ -36,6 +36,7 @@ from .rod import Cell
 from .scene import Scene, load_scene, scene_names
 from .simulate import simulate
 from .statics import Branch, Equilibrium, branch, equilibrium
+from .sweep import Sweep, sweep
 
 __all__ = [
     "Actuator",
@@ -74,6 +75,7 @@ __all__ = [
     "Scene",
     "Sphere",
     "Spring",
+    "Sweep",
     "Thread",
     "Valve",
     "WallSpring",
@@ -86,4 +88,5 @@ __all__ = [
     "load_scene",
     "scene_names",
     "simulate",
+    "sweep",
 ]

@@ -120,6 +120,7 @@ def batch(
     source: Model | DiscreteModel | ca.Function,
     name: str | None = None,
     *,
+    native: ca.Function | None = None,
     matrices: Collection[str] = (),
     flags: Sequence[str] = CXX_FLAGS,
 ) -> Batch:
@@ -131,6 +132,8 @@ def batch(
     Args:
         source: a model, a discrete model or any casadi Function.
         name: which Function of a model; default `ode`, of a discrete model `step`.
+        native: a casadi Function again with hand-written C kernels inside, which only generated
+            code can run; models know their own.
         matrices: ports of a casadi Function that stay matrices even with one column.
         flags: compiler flags.
 
@@ -143,7 +146,7 @@ def batch(
     if isinstance(source, ca.Function):
         if name is not None:
             raise ModelError(f"name: expected none with a casadi Function, got {name!r}")
-        text, one = source, source
+        text, one = native or source, source
     elif isinstance(source, Model | DiscreteModel):
         name = name or ("ode" if isinstance(source, Model) else "step")
         one, text = source.plain(name), source.native(name)

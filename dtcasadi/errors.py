@@ -73,6 +73,14 @@ class StaticsError(DtcasadiError, ValueError):
     """Statics was asked for what cannot be computed, or a result for what it does not have."""
 
 
+class SweepError(DtcasadiError, ValueError):
+    """A sweep was asked for what cannot be run, or its file holds something else."""
+
+
+class AdviseError(DtcasadiError, ValueError):
+    """Advice was asked for on what cannot be measured."""
+
+
 class EstimationError(DtcasadiError, ValueError):
     """A filter was asked for what it cannot estimate, or given what it cannot use."""
 

@@ -9,8 +9,8 @@ from .model import Model
 
 SAMPLES = 200
 # Gauss-Legendre, 3 nodes on [0, 1].
-_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
-_WEIGHTS = np.array([5, 8, 5]) / 18
+NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+WEIGHTS = np.array([5, 8, 5]) / 18
 
 
 def samples_of(t: np.ndarray) -> np.ndarray:
@@ -49,7 +49,7 @@ def energy_balance(
         power.run()
         work[:, k] = power.outputs.supplied[0], power.outputs.dissipated[0]
     steps = np.diff(trajectory.t)
-    shares = (work.reshape(2, -1, 3) @ _WEIGHTS) * steps
+    shares = (work.reshape(2, -1, 3) @ WEIGHTS) * steps
     supplied, dissipated = np.concatenate([np.zeros((2, 1)), np.cumsum(shares, axis=1)], axis=1)
     x, thetas = trajectory.x[:, at], thetas[:, at]
     kinetic = np.array(model.kinetic_energy(x[:n], x[n : 2 * n], thetas)).ravel()
@@ -69,7 +69,7 @@ def energy_balance(
 
 def gauss_nodes(t: np.ndarray) -> np.ndarray:
     """Three Gauss times in each step, shape (3 (n - 1),)."""
-    return (t[:-1, np.newaxis] + np.diff(t)[:, np.newaxis] * _NODES).ravel()
+    return (t[:-1, np.newaxis] + np.diff(t)[:, np.newaxis] * NODES).ravel()
 
 
 def conditions(model: Model, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:

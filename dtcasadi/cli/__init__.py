@@ -17,6 +17,7 @@ COMMANDS = {
     "statics": "find where a robot rests, or follow that under changing loads",
     "codegen": "write the functions of a scene as C or text, for other programs",
     "estimate": "estimate a robot's state and a contact force from its sensors",
+    "sweep": "run a scene for many values of its numbers",
     "bench": "time the compiled functions on this machine",
     "doctor": "show what this installation has, what is missing, and what to do about it",
 }

@@ -1,6 +1,8 @@
 """Dense output: states between the accepted steps."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,19 +41,14 @@ class Quintic:
         starts, ends = self.x[:, steps], self.ends[:, steps]
         first = self._rates(steps, starts, at_start=True)
         second = self._rates(steps, ends, at_start=False)
-        q0, v0, a0 = starts[:n], h * starts[n : 2 * n], h**2 * first[n : 2 * n]
-        q1, v1, a1 = ends[:n], h * ends[n : 2 * n], h**2 * second[n : 2 * n]
-        c3 = 10 * (q1 - q0) - 6 * v0 - 4 * v1 - (3 * a0 - a1) / 2
-        c4 = -15 * (q1 - q0) + 8 * v0 + 7 * v1 + (3 * a0 - 2 * a1) / 2
-        c5 = 6 * (q1 - q0) - 3 * (v0 + v1) - (a0 - a1) / 2
+        bend = (h**k * part for part, k in _orders(n, starts, first))
+        curve = quintic(*bend, *(h**k * part for part, k in _orders(n, ends, second)))
         z0, z1 = starts[2 * n :], ends[2 * n :]
-        d0, d1 = h * first[2 * n :], h * second[2 * n :]
+        line = cubic(z0, h * first[2 * n :], z1, h * second[2 * n :])
         s = (times - self.t[owner]) / h[place]
-        bent = _polynomial(s, (q0, v0, a0 / 2, c3, c4, c5), place)
-        slope = _polynomial(s, (v0, a0, 3 * c3, 4 * c4, 5 * c5), place) / h[place]
-        other = _polynomial(
-            s, (z0, d0, 3 * (z1 - z0) - 2 * d0 - d1, 2 * (z0 - z1) + d0 + d1), place
-        )
+        bent = _polynomial(s, curve, place)
+        slope = _polynomial(s, slopes(curve), place) / h[place]
+        other = _polynomial(s, line, place)
         return np.concatenate([bent, slope, other])
 
     def _rates(self, steps: np.ndarray, x: np.ndarray, *, at_start: bool) -> np.ndarray:
@@ -68,6 +65,29 @@ class Quintic:
             ode.run()
             rates[:, k] = ode.outputs.xdot
         return rates
+
+
+def _orders(n: int, x: np.ndarray, xdot: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """q, qd and qdd with their orders of differentiation."""
+    yield from ((x[:n], 0), (x[n : 2 * n], 1), (xdot[n : 2 * n], 2))
+
+
+def quintic(q0: Any, v0: Any, a0: Any, q1: Any, v1: Any, a1: Any) -> tuple[Any, ...]:
+    """Coefficients of s^0 ... s^5 on [0, 1] with these values and derivatives at its ends."""
+    c3 = 10 * (q1 - q0) - 6 * v0 - 4 * v1 - (3 * a0 - a1) / 2
+    c4 = -15 * (q1 - q0) + 8 * v0 + 7 * v1 + (3 * a0 - 2 * a1) / 2
+    c5 = 6 * (q1 - q0) - 3 * (v0 + v1) - (a0 - a1) / 2
+    return q0, v0, a0 / 2, c3, c4, c5
+
+
+def cubic(z0: Any, d0: Any, z1: Any, d1: Any) -> tuple[Any, ...]:
+    """Coefficients of s^0 ... s^3 on [0, 1] with these values and slopes at its ends."""
+    return z0, d0, 3 * (z1 - z0) - 2 * d0 - d1, 2 * (z0 - z1) + d0 + d1
+
+
+def slopes(coefficients: Sequence[Any]) -> tuple[Any, ...]:
+    """Coefficients of the derivative."""
+    return tuple(k * c for k, c in enumerate(coefficients) if k)
 
 
 def _polynomial(

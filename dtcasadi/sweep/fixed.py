@@ -1,0 +1,146 @@
+"""Runs in fixed steps, many at a time on SIMD lanes."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..batch import Batch, batch
+from ..commands import command_pieces
+from ..health import samples_of
+from ..integrators import ONE_STEP
+from ..integrators.loop_state import Watched
+from ..integrators.package import watched
+from ..profile import Piece
+from ..recentring import LIMIT, NEAR
+from .advance import advance_function
+from .columns import DONE, FAILED, IMBALANCE_MAX, imbalance_text, outcomes
+from .probe import probe_of
+from .targets import Rows, Setup
+
+# Runs side by side: their states stay in the processor's cache.
+TOGETHER = 512
+
+
+class Fixed:
+    """Engine of runs in steps of one size, cut where the command jumps or kinks."""
+
+    def __init__(self, setup: Setup, save: Sequence[tuple[str, str]], step_s: float):
+        self.setup, self.save, self.step_s = setup, save, step_s
+        model, scene = setup.model, setup.scene
+        self.method = ONE_STEP[scene.method]
+        native, plain = (advance_function(self.method, g) for g in model.graphs)
+        self.advance = batch(plain, native=native)
+        self.ode: Batch = batch(model)
+        self.probe = probe_of(model, [name for name, _ in save])
+        self.look = batch(self.probe.function)
+        kinds = watched(model)
+        self.limited = kinds[kinds[:, 1] == Watched.LIMITED, 0]
+        self.singular = [
+            (int(k), np.sin if kind == Watched.SINE else np.cos)
+            for k, kind in kinds
+            if kind != Watched.LIMITED
+        ]
+        self.pieces = [
+            piece
+            for piece in command_pieces(setup.base, model.n_u, scene.t_end)
+            if isinstance(piece, Piece)
+        ]
+        spans = [piece.t_end - piece.t_start for piece in self.pieces]
+        self.steps = [max(1, math.ceil(span / step_s - 1e-9)) for span in spans]
+        self.kept = set(samples_of(np.empty(sum(self.steps) + 1)).tolist())
+
+    def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
+        """See `Engine`."""
+        parts = [
+            _Flock(self, self.setup.rows(inputs[k : k + TOGETHER])).run()
+            for k in range(0, len(inputs), TOGETHER)
+        ]
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+class _Flock:
+    """Some runs under way, a column each."""
+
+    def __init__(self, engine: Fixed, rows: Rows):
+        self.engine, self.rows = engine, rows
+        self.x, self.theta = rows.x0, rows.theta
+        self.reason = np.array(rows.faults, dtype=object)
+        self.t_stop = np.where(self.reason == "", engine.setup.scene.t_end, 0.0)
+        self.work = np.zeros((2, self.x.shape[1]))
+        self.seen: list[np.ndarray] = []
+        self.done: list[np.ndarray] = []
+
+    def run(self) -> dict[str, np.ndarray]:
+        """To the end, or each to where it fails."""
+        engine, step = self.engine, 0
+        for piece, steps in zip(engine.pieces, engine.steps, strict=True):
+            t, h = piece.t_start, (piece.t_end - piece.t_start) / steps
+            slope = self.rows.scale * piece.slope[:, np.newaxis]
+            rates = engine.ode(self.x, self._command(piece, t), self.theta)
+            for k in range(steps):
+                if step in engine.kept:
+                    self._look(self._command(piece, t))
+                u, taken = self._command(piece, t), h if k + 1 < steps else piece.t_end - t
+                rates = self._step(t, u, slope, taken, rates)
+                t, step = t + h, step + 1
+        self._look(self._command(piece, piece.t_end))
+        return self._columns()
+
+    def _command(self, piece: Piece, t: float) -> np.ndarray:
+        return self.rows.scale * piece(t)[:, np.newaxis] + self.rows.offset
+
+    def _step(
+        self, t: float, u: np.ndarray, slope: np.ndarray, h: float, rates: np.ndarray
+    ) -> np.ndarray:
+        """One step of every run; returns the rates at its end."""
+        x, rates, status, work = self.engine.advance(self.x, rates, u, slope, [h], self.theta)
+        bad = (status[0] != 0) | (self.reason != "")
+        if bad.any():
+            for k in np.flatnonzero(bad & (self.reason == "")).tolist():
+                finite = bool(np.all(np.isfinite(x[:, k])))
+                what = "did not converge" if finite else "gave a state that is not finite"
+                self._fail(k, t, what)
+            x[:, bad], work[:, bad] = self.x[:, bad], 0.0
+        self.x = x
+        self.work += work
+        return self._watched(t + h, u + h * slope, rates)
+
+    def _watched(self, t: float, u: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Re-centre where an angle has left its limit, stop at a chart's singularity."""
+        engine, model = self.engine, self.engine.setup.model
+        for entry, measure in engine.singular:
+            near = np.abs(measure(self.x[entry])) < NEAR
+            for run in np.flatnonzero(near & (self.reason == "")).tolist():
+                self._fail(run, t, "came to a singularity of its chart")
+        if not len(engine.limited):
+            return rates
+        off = np.flatnonzero((np.abs(self.x[engine.limited]) > LIMIT).any(axis=0))
+        for k in off.tolist():
+            self.x[:, k], self.theta[:, k], _ = model.recentre(self.x[:, k], self.theta[:, k])
+        if len(off):
+            rates[:, off] = engine.ode(self.x[:, off], u[:, off], self.theta[:, off])
+        return rates
+
+    def _fail(self, k: int, t: float, what: str) -> None:
+        method = self.engine.method.name
+        self.reason[k], self.t_stop[k] = f"{method}: the step {what} after t = {t:.6g} s", t
+
+    def _look(self, u: np.ndarray) -> None:
+        self.seen.append(self.engine.look(self.x, u, self.theta))
+        self.done.append(self.work.copy())
+
+    def _columns(self) -> dict[str, np.ndarray]:
+        engine = self.engine
+        seen = engine.probe.split(np.array(self.seen).swapaxes(0, 1))
+        supplied, dissipated = np.array(self.done).swapaxes(0, 1)
+        with np.errstate(all="ignore"):
+            columns = outcomes(seen, {"supplied": supplied, "dissipated": dissipated}, engine.save)
+        if engine.setup.model.options.velocity_terms == "full":
+            shares = columns["energy_imbalance"]
+            for k in np.flatnonzero((self.reason == "") & ~(shares <= IMBALANCE_MAX)):
+                self.reason[k] = f"{engine.method.name}: {imbalance_text(shares[k])}"
+        columns["t_reached"] = self.t_stop
+        columns["status"] = np.where(self.reason == "", DONE, FAILED).astype(np.int8)
+        columns["reason"] = self.reason.astype(str)
+        return columns
