@@ -2,5 +2,15 @@
 
 from .base import Discrete, Estimate, ProcessNoise
 from .ekf import EKF
+from .operating import OperatingPoints, operating_points
+from .spv import SPV
 
-__all__ = ["EKF", "Discrete", "Estimate", "ProcessNoise"]
+__all__ = [
+    "EKF",
+    "SPV",
+    "Discrete",
+    "Estimate",
+    "OperatingPoints",
+    "ProcessNoise",
+    "operating_points",
+]

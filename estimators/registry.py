@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from dtcasadi.actuators import Direct, Hysteresis
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.errors import EstimationError
 from dtcasadi.scene import Scene
+from dtcasadi.sensors import PressureSensor
 
 from .ekf import EKF
+from .operating import operating_points
 from .runner import Filter, Track, track
-from .scenario import knowledge
+from .scenario import discrete_of, knowledge
+from .spv import SPV
+
+# Share of the range of pressures that leads from one branch of hysteresis half way to the other;
+# and how many deviations of the gauge's noise at least.
+_WIDTH, _NOISES = 0.1, 4
 
 
 @dataclass(frozen=True)
@@ -43,8 +53,44 @@ def _ekf(scene: Scene, discrete: DiscreteModel) -> EKF:
     )
 
 
+def _spv(scene: Scene, discrete: DiscreteModel) -> SPV:
+    """See `SPV`; of a scene with hysteresis, on the model without it and with two branches."""
+    amplitude, actuator = 0.0, discrete.model.actuator
+    if actuator.command != "pressure":
+        raise EstimationError(
+            f"spv: expected a scene whose command is the pressure, got {actuator.command}"
+        )
+    if isinstance(actuator, Hysteresis):
+        amplitude = float(np.max(actuator.amplitude))
+        discrete = discrete_of(scene, actuator=actuator.source)
+        if not isinstance(actuator.source, Direct):
+            kind = type(actuator.source).__name__.lower()
+            raise EstimationError(f"spv: expected hysteresis of direct pressure, got of {kind}")
+    known, values = knowledge(scene, discrete), scene.pressure.values
+    low, high = values.min(axis=0), values.max(axis=0)
+    gauges = [
+        sensor
+        for sensor in scene.sensors
+        if isinstance(sensor, PressureSensor) and len(sensor.channels) == scene.pressure.n_u
+    ]
+    width = _WIDTH
+    if gauges and np.any(high > low):
+        width = max(width, _NOISES * float(np.max(gauges[0].noise) / np.max(high - low)))
+    return SPV(
+        discrete,
+        operating_points(discrete.model, low, high, amplitude=amplitude),
+        x0=known.x0,
+        Q_w=known.Q_w,
+        augment=known.augment,
+        gauge=gauges[0].name if gauges else None,
+        width=width,
+        gate=known.gate,
+    )
+
+
 ESTIMATORS = {
     "ekf": Choice("extended Kalman filter", _ekf),
+    "spv": Choice("parameter-varying observer", _spv),
 }
 
 

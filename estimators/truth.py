@@ -69,7 +69,7 @@ def moved(scene: Scene, t_end: float | None = None) -> Truth:
     """
     choice, true = settings(scene), truth_scene(scene)
     model = true.build(wrenches=contact_disc(true))
-    discrete = model.discrete(choice.step_s, method=_METHOD, sensors=true.sensors)
+    discrete = model.discrete(choice.step_s, method=_METHOD, exact=False, sensors=true.sensors)
     step = discrete.compiled("step")
     n = round((scene.t_end if t_end is None else t_end) / choice.step_s)
     x, theta = true.x0(model), discrete.theta0.copy()
