@@ -2,6 +2,8 @@
 
 from .problem import Band, Effort, HalfSpace, Limits, Problem, Sphere, Tracking
 from .stages import Stages, stages
+from .target import Target, TargetCalculator, TargetStatus
+from .terminal import TerminalCost
 
 __all__ = [
     "Band",
@@ -11,6 +13,10 @@ __all__ = [
     "Problem",
     "Sphere",
     "Stages",
+    "Target",
+    "TargetCalculator",
+    "TargetStatus",
+    "TerminalCost",
     "Tracking",
     "stages",
 ]

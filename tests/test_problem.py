@@ -80,8 +80,6 @@ def test_a_safe_pressure_is_the_one_nearest_to_zero():
     assert stages(cart(), Problem(2)).safe == 0.0
 
 
-SPHERE = Sphere("triple", (0, 0, 0), 1.0)
-TRACKING = Tracking("place")
 REFUSED = [
     (lambda: Problem(0), "horizon: expected an integer from 1 to 10000, got 0"),
     (lambda: Problem(2, tracking=["tip"]), "tracking: expected terms of ocp.problem, got 'tip'"),
