@@ -175,7 +175,7 @@ class TargetCalculator:
                 share /= 2
             if moved is None:
                 damping = max(damping * 100, 1e-6)
-                settled = damping > 1e3
+                settled = bool(damping > 1e3)
                 continue
             change = np.max(np.abs(share * du) / self._span)
             settled = bool(change < _SETTLED and moved.residual < _REST)
