@@ -27,6 +27,7 @@ from .forces import (
     PointLoad,
     WallSpring,
 )
+from .identify import Identified, identify
 from .model import Model, build
 from .profile import Profile
 from .ratings import PressureWarning
@@ -61,6 +62,7 @@ __all__ = [
     "Gas",
     "HalfSpace",
     "Hysteresis",
+    "Identified",
     "Model",
     "Obstacle",
     "Orifice",
@@ -85,6 +87,7 @@ __all__ = [
     "convert",
     "equilibrium",
     "export_c",
+    "identify",
     "load_scene",
     "scene_names",
     "simulate",

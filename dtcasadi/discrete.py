@@ -17,6 +17,7 @@ from .integrators.package import SLACK_MAX
 from .integrators.step import At, OneStep, Plant
 from .integrators.steppers import ONE_STEP, symbols
 from .measuring import Layout, Sensor, layout_of, plants_of, sensor_of
+from .recentring import carried
 
 if TYPE_CHECKING:
     from .model import Model
@@ -110,6 +111,16 @@ class DiscreteModel:
         own, biases = np.split(np.asarray(theta, dtype=float), [self._layout.n_model])
         x, own, T = self._model.recentre(x, own)
         return x, np.concatenate([own, biases]), T
+
+    def carried(
+        self, x: np.ndarray, theta: np.ndarray, to: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A state about the centres of another theta, and the map of a covariance.
+
+        See `dtcasadi.recentring.carried`.
+        """
+        n = self._layout.n_model
+        return carried(self._model, x, theta[:n], to[:n])
 
     def together(self, names: Sequence[str]) -> Sensor:
         """Several sensors read at the same instant, as one: what they share is computed once.

@@ -85,6 +85,10 @@ class EstimationError(DtcasadiError, ValueError):
     """A filter was asked for what it cannot estimate, or given what it cannot use."""
 
 
+class IdentificationError(DtcasadiError, ValueError):
+    """Parameters were asked for that cannot be identified this way, or with unusable settings."""
+
+
 class LogError(DtcasadiError, ValueError):
     """A recorded log is wrong; the text names file, line and channel."""
 

@@ -149,6 +149,33 @@ def recentre(
     return x, theta, T
 
 
+def carried(
+    model: Model, x: np.ndarray, theta: np.ndarray, to: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A state in the coordinates about other centres: those of the theta `to`.
+
+    Args:
+        model: the model.
+        x: state, shape (n_x,).
+        theta: parameters its coordinates refer to, shape (n_theta,).
+        to: parameters the new ones refer to, shape (n_theta,).
+
+    Returns:
+        The state, and its derivative for x, shape (n_x, n_x), in the rows of a segment whose
+        centres differ as the T of `recentre`.
+    """
+    x, T = np.array(x, dtype=float), np.eye(model.n_x)
+    for place in model.centres:
+        q, frames = place.q, place.frames
+        if np.array_equal(theta[frames], to[frames]):
+            continue
+        qd = slice(q.start + model.n_q, q.stop + model.n_q)
+        q_new, D, cross = chart_change().call([x[q], x[qd], theta[frames], to[frames]])
+        x[q], x[qd] = q_new.full()[:, 0], D.full() @ x[qd]
+        T[q, q], T[qd, qd], T[qd, q] = D.full(), D.full(), cross.full()
+    return x, T
+
+
 def recentre_function(model: Model) -> ca.Function:
     """`recentre` as one graph, for programs without Python.
 

@@ -18,6 +18,7 @@ COMMANDS = {
     "codegen": "write the functions of a scene as C or text, for other programs",
     "estimate": "estimate a robot's state and a contact force from its sensors",
     "sweep": "run a scene for many values of its numbers",
+    "identify": "find a robot's parameters in recorded motions, with confidence intervals",
     "bench": "time the compiled functions on this machine",
     "doctor": "show what this installation has, what is missing, and what to do about it",
 }

@@ -1,0 +1,108 @@
+"""Recorded motions with noise: of a linear model in steps, and of robots by a finer integrator."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from linear_toy import LinearDiscrete
+
+import dtcasadi as dtc
+from dtcasadi.bound import Bound
+from dtcasadi.logs import Log
+from dtcasadi.sampled import Sampled
+
+
+def toy(seed: int = 0, n_theta: int = 2) -> LinearDiscrete:
+    """A stable linear model of three states with two sensors, parameters in both."""
+    rng = np.random.default_rng(seed)
+    F = 0.9 * np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    shapes = [(2, 3), (2, n_theta), (1, 3)]
+    H, H_theta, one = (rng.normal(size=shape) for shape in shapes)
+    measured = {
+        "left": (H, 0.3 * H_theta, np.diag([0.01, 0.04])),
+        "right": (one, np.zeros((1, n_theta)), np.array([[0.02]])),
+    }
+    blocks = {name: slice(k, k + 1) for k, name in enumerate("abcdef"[:n_theta])}
+    B = rng.normal(size=(3, n_theta))
+    G = rng.normal(size=(3, 1))
+    return LinearDiscrete(F, G, B, measured, np.zeros(n_theta), blocks)
+
+
+def toy_log(
+    discrete: LinearDiscrete,
+    theta: np.ndarray,
+    x0: np.ndarray,
+    n: int,
+    seed: int = 1,
+) -> Log:
+    """n steps of it under a random command, noise as its sensors have it."""
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=(n + 1, 1))
+    x = np.array(x0, dtype=float)
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in discrete.measured}
+    for k in range(n + 1):
+        for name, (H_x, H_theta, R_v) in discrete.measured.items():
+            e = rng.multivariate_normal(np.zeros(len(R_v)), R_v)
+            rows[name].append(H_x @ x + H_theta @ theta + e)
+        x = discrete.F @ x + discrete.G @ u[k] + discrete.B @ theta
+    channels = {"command1": u[:, 0]}
+    for name, values in rows.items():
+        for k, column in enumerate(np.array(values).T):
+            channels[f"{name}.y{k}"] = column
+    t = discrete.step_s * np.arange(n + 1)
+    return Log(t, channels, dict.fromkeys(channels, ""), "toy")
+
+
+def robot_log(
+    scene: dtc.Scene,
+    t_end: float,
+    step_s: float,
+    *,
+    seed: int = 0,
+    theta: Mapping[str, float] | None = None,
+    noise: float = 1.0,
+    **options: Any,
+) -> Log:
+    """The scene's motion by an adaptive integrator to 1e-9, as its sensors see it.
+
+    Args:
+        scene: with sensors.
+        t_end: duration [s].
+        step_s: time between readings [s].
+        seed: of the noise.
+        theta: other values of parameters, by path.
+        noise: factor on the sensors' noise.
+        options: of `build`.
+    """
+    model = scene.build(**options, parameters=tuple(theta or ()))
+    values = model.theta0.copy()
+    for path, value in (theta or {}).items():
+        values[model.theta_blocks[path]] = value
+    t = np.round(step_s * np.arange(round(t_end / step_s) + 1), 9)
+    fine: Any = {"rtol": 1e-9, "atol": 1e-10, "method": "tsit5"}
+    pressure = scene.pressure
+    run = dtc.simulate(model, scene.x0(model), pressure=pressure, t_end=t[-1], theta=values, **fine)
+    assert run.success, run.message
+    at = run.at(t)
+    discrete = model.discrete(step_s, sensors=scene.sensors)
+    rng = np.random.default_rng(seed)
+    channels: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for k in range(model.n_u):
+        channels[f"command{k + 1}"], units[f"command{k + 1}"] = at.u[k], "Pa"
+    for sensor in discrete.sensors.values():
+        output = Bound(sensor.output)
+        rows = zip(at.x.T, at.u.T, at.thetas.T, strict=True)
+        y = np.array([output(*row) for row in rows])
+        y = y + noise * rng.multivariate_normal(np.zeros(sensor.n_y), sensor.R_v, len(y))
+        for k, (channel, unit) in enumerate(sensor.channels):
+            channels[f"{sensor.name}.{channel}"] = y[:, k]
+            units[f"{sensor.name}.{channel}"] = unit
+    return Log(t, channels, units, scene.name)
+
+
+def sensed(scene: dtc.Scene, *sensors: Sampled) -> dtc.Scene:
+    """The scene with these sensors."""
+    from dataclasses import replace
+
+    return replace(scene, sensors=sensors)
