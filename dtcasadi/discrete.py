@@ -13,8 +13,9 @@ from . import checks
 from .bound import MATRICES, Bound
 from .compile import twin
 from .errors import ModelError
+from .integrators import SYMPLECTIC
 from .integrators.package import SLACK_MAX
-from .integrators.step import At, OneStep, Plant
+from .integrators.step import At, OneStep, Plant, differentiated, taken
 from .integrators.steppers import ONE_STEP, symbols
 from .measuring import Layout, Sensor, layout_of, plants_of, sensor_of
 from .recentring import carried
@@ -170,6 +171,8 @@ def discretize(
     if method not in ONE_STEP:
         raise _error("method", f"one of {', '.join(ONE_STEP)}", repr(method))
     chosen = ONE_STEP[method]
+    if model.robot.constraints and method in SYMPLECTIC:
+        raise _error("method", "one that keeps constraints, such as sdirk2", repr(method))
     layout = layout_of(model, sensors)
     sources, functions = (
         _functions(chosen, plant, step_s, slack_max, layout, exact=exact)
@@ -216,14 +219,17 @@ def _functions(
     own, biases = ca.vertsplit(theta, [0, layout.n_model, layout.n])
     at = At(free.x, free.u, free.zeros(free.u.shape[0]), plant.kind(step_s), own)
     ports, names = [at.x, at.u, theta], ["x", "u", "theta"]
-    step = method.step(plant, at)
+    step = taken(method, plant, at)
     finite = ca.sumsqr(step.x_next) + ca.sumsqr(at.u) <= _HUGE
     good = finite * (step.slack <= slack_max)
     parts = {"x_next": step.x_next, "status": 1 - good}
     plain = ca.Function("step", ports, list(parts.values()), names, list(parts))
     parts |= {"error": ca.densify(step.error), "residual": ca.densify(step.residual)}
     checked = ca.Function("checked", ports, list(parts.values()), names, list(parts))
-    step, by = method.sensitivity(plant, at, exact=exact)
+    if plant.projection is None:
+        step, by = method.sensitivity(plant, at, exact=exact)
+    else:
+        by = differentiated(method, plant, at)
     n_frames = at.theta.shape[0] - by.F_theta.shape[1]
     sides = [at.zeros(at.x.shape[0], n) for n in (n_frames, biases.shape[0])]
     by = by._replace(F_theta=ca.horzcat(sides[0], by.F_theta, sides[1]))

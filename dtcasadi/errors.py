@@ -69,6 +69,10 @@ class SimulationError(DtcasadiError, ValueError):
     """A simulation was asked for with arguments that cannot be run."""
 
 
+class ConstraintError(DtcasadiError, ValueError):
+    """Constraints that cannot be met together, or a use for which they are not made."""
+
+
 class StaticsError(DtcasadiError, ValueError):
     """Statics was asked for what cannot be computed, or a result for what it does not have."""
 

@@ -91,6 +91,23 @@ def forward_dynamics(g: Graphs) -> ca.Function:
     return g.function("forward_dynamics", ports, qdd=qdd)
 
 
+def multipliers(g: Graphs) -> ca.Function:
+    """Multipliers of the constraints."""
+    _, value = g.motion_of(g.q, g.qd, g.pressure, g.tau)
+    ports = ("q", "qd", "pressure", "tau", "theta")
+    return g.function("multipliers", ports, multipliers=value)
+
+
+def constraint_terms(g: Graphs) -> ca.Function:
+    """The constraints and their derivatives."""
+    empty = g.chain.asm.expression
+    parts = [empty(0, 1), empty(0, g.chain.n_q), empty(0, 1)]
+    if g.robot.constraints:
+        parts = g.constraint_terms.call([g.q, g.qd, g.theta])
+    outputs = dict(zip(("phi", "A", "bias"), parts, strict=True))
+    return g.function("constraint_terms", ("q", "qd", "theta"), **outputs)
+
+
 def inverse_dynamics(g: Graphs) -> ca.Function:
     """Newton-Euler recursion."""
     tau, _ = g.residual_of(g.q, g.qd, g.qdd, g.pressure)
@@ -100,8 +117,8 @@ def inverse_dynamics(g: Graphs) -> ca.Function:
 
 def thread_tension(g: Graphs) -> ca.Function:
     """Pull of the threads along their directions; negative: it pushes."""
-    qdd = g.qdd_of(g.q, g.qd, g.pressure, g.tau)
-    _, forces = g.residual_of(g.q, g.qd, qdd, g.pressure)
+    qdd, multipliers = g.motion_of(g.q, g.qd, g.pressure, g.tau)
+    _, forces = g.residual_of(g.q, g.qd, qdd, g.pressure, multipliers)
     tension = g.chain.tensions(g.chain.segments(g.q), forces)
     ports = ("q", "qd", "pressure", "tau", "theta")
     return g.function("thread_tension", ports, tension=tension)
@@ -168,7 +185,12 @@ def canonical_ode(g: Graphs) -> ca.Function:
     """Eq (7): qd = M^-1 p by the recursion, pd = dL/dq + Q."""
     qd = _rates_of(g)
     ports = ("q", "p", "pressure", "tau", "theta")
-    return g.function("canonical_ode", ports, qd=qd, pd=_canonical_force_of(g, qd) + g.tau)
+    pd = _canonical_force_of(g, qd) + g.tau
+    if g.robot.constraints:
+        _, multipliers = g.motion_of(g.q, qd, g.pressure, g.tau)
+        _, A, _ = g.constraint_terms(g.q, qd, g.theta)
+        pd = pd - ca.mtimes(A.T, multipliers)
+    return g.function("canonical_ode", ports, qd=qd, pd=pd)
 
 
 def _rates_of(g: Graphs) -> ca.SX:

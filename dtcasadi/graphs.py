@@ -11,8 +11,9 @@ from .acting import act
 from .actuation import rest_volume
 from .actuators import Actuator
 from .assemble import Flat, Graph
-from .chain import Chain, Motion, Wrench
+from .chain import Chain, Motion, Wrench, sum_wrench
 from .charts import Chart
+from .constraints.system import constrained, reactions, terms
 from .forces.inflation import INFLATION, ChamberNumbers
 from .forces.loads import DeadWrench
 from .forces.protocol import Force
@@ -220,6 +221,12 @@ class Graphs(Ports):
 
     def qdd_of(self, q: ca.SX, qd: ca.SX, pressure: ca.SX, tau: ca.SX | None) -> ca.SX:
         """Forward dynamics as an expression."""
+        return self.motion_of(q, qd, pressure, tau)[0]
+
+    def motion_of(
+        self, q: ca.SX, qd: ca.SX, pressure: ca.SX, tau: ca.SX | None
+    ) -> tuple[ca.SX, ca.SX]:
+        """Forward dynamics and the constraints' multipliers."""
         chain = self.chain
         segments = chain.segments(q)
         motion = self.inertial_motion(segments, qd)
@@ -228,17 +235,36 @@ class Graphs(Ports):
         if self.coordinate_damping is not None:
             total = total - self.coordinate_damping * qd
         loads = self.loads(segments, qd, pressure)
-        return chain.accelerations(motion, total, loads, chain.root_acceleration())
+        free = chain.accelerations(motion, total, loads, chain.root_acceleration())
+        if not self.robot.constraints:
+            return free, chain.asm.expression(0, 1)
+        return constrained(self, q, qd, free)
+
+    @cached_property
+    def constraint_terms(self) -> ca.Function:
+        """The constraints' phi, A and bias (q, qd, theta)."""
+        return terms(self)
 
     def residual_of(
-        self, q: ca.SX, qd: ca.SX, qdd: ca.SX, pressure: ca.SX
+        self,
+        q: ca.SX,
+        qd: ca.SX,
+        qdd: ca.SX,
+        pressure: ca.SX,
+        multipliers: ca.SX | None = None,
     ) -> tuple[ca.SX, list[ca.SX]]:
-        """Inverse dynamics tau as an expression, and the force of each thread on disc i+1."""
+        """Inverse dynamics tau as an expression, and the force of each thread on disc i+1.
+
+        Without multipliers tau holds what the constraints do.
+        """
         chain = self.chain
         segments = chain.segments(q)
         motion = self.inertial_motion(segments, qd)
         needed = chain.inertial_wrenches(motion, qdd, chain.root_acceleration())
         loads = self.loads(segments, qd, pressure)
+        if multipliers is not None and self.robot.constraints:
+            added = reactions(self, q, multipliers)
+            loads = [chain.asm.call(sum_wrench, *both) for both in zip(loads, added, strict=True)]
         net = [self.chain.asm.call(_difference, a, b) for a, b in zip(needed, loads, strict=True)]
         tau, forces = chain.project(segments, net)
         tau = tau + self.missing_terms(motion)

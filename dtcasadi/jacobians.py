@@ -9,7 +9,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from . import functions
 from .actuation import Actuation
+from .constraints.derivatives import constrained_columns, multipliers_of
 from .derivatives import Derivatives
 from .graphs import OPTIONS, Graphs
 from .linear import solve_spd
@@ -35,6 +37,8 @@ class ImplicitForm(NamedTuple):
 
 def implicit_form(g: Graphs) -> ImplicitForm:
     """The implicit form of a model's state equation and its derivatives by recursion."""
+    if g.robot.constraints:
+        return _explicit_form(g)
     n, actuation = g.chain.n_q, Actuation.of(g)
     n_z, n_u = g.x.shape[0] - 2 * n, g.u.shape[0]
     sizes = (n, n, n_z, n, n_z, n_u, g.theta.shape[0])
@@ -71,6 +75,37 @@ def implicit_form(g: Graphs) -> ImplicitForm:
     }
     values = [ca.densify(block) for block in blocks.values()]
     jacobian = ca.Function("implicit_jacobian", ports, values, list(names), list(blocks), OPTIONS)
+    return ImplicitForm(n, n_z, residual, jacobian)
+
+
+def _explicit_form(g: Graphs) -> ImplicitForm:
+    """The same with the accelerations solved for: their multipliers are no unknowns of a method."""
+    n, n_z, n_u = g.chain.n_q, g.x.shape[0] - 2 * g.chain.n_q, g.u.shape[0]
+    sizes = (n, n, n_z, n, n_z, n_u, g.theta.shape[0])
+    names = ["q", "v", "z", "a", "zdot", "u", "theta"]
+    rate, slopes, asm = functions.ode(g), ode_jacobian(g), g.chain.asm
+    ports = [asm.sym(name, size) for name, size in zip(names, sizes, strict=True)]
+    q, v, z, a, zdot, u, theta = ports
+    balance = ca.vertcat(a, zdot) - rate(ca.vertcat(q, v, z), u, theta)[n:]
+    residual = ca.Function("implicit_residual", ports, [balance], names, ["residual"], OPTIONS)
+
+    kind = ca.SX if g.inlined else ca.MX
+    ports = [kind.sym(name, size) for name, size in zip(names, sizes, strict=True)]
+    q, v, z, a, zdot, u, theta = ports
+    _, F_x, F_u = slopes(ca.vertcat(q, v, z), u, theta)
+    by_theta = ca.Function(
+        "by_theta", [g.x, g.u, g.theta], [ca.jacobian(rate(g.x, g.u, g.theta), g.theta)]
+    )
+    T = by_theta(ca.vertcat(q, v, z), u, theta)[n:, g.n_frames :]
+    blocks = {
+        "M": kind.eye(n + n_z),
+        "D": -F_x[n:, n:],
+        "K": ca.horzcat(-F_x[n:, :n], kind(n + n_z, n_z)),
+        "U": -F_u[n:, :],
+        "T": -T,
+    }
+    values = [ca.densify(block) for block in blocks.values()]
+    jacobian = ca.Function("implicit_jacobian", ports, values, names, list(blocks), OPTIONS)
     return ImplicitForm(n, n_z, residual, jacobian)
 
 
@@ -137,7 +172,7 @@ def forward_dynamics_jacobian(g: Graphs) -> ca.Function:
     ports = ("q", "qd", "pressure", "tau", "theta")
     q, qd, pressure, tau, _ = (g.top(port) for port in ports)
     qdd = _acceleration(g, q, qd, pressure, tau)
-    dq, dqd, dp, dtau = _acceleration_jacobian(g, q, qd, pressure, qdd, with_tau=True)
+    dq, dqd, dp, dtau = _acceleration_jacobian(g, q, qd, pressure, qdd, tau)
     outputs = {"dqdd_dq": dq, "dqdd_dqd": dqd, "dqdd_dpressure": dp, "dqdd_dtau": dtau}
     return g.top_function("forward_dynamics_jacobian", ports, qdd=qdd, **outputs)
 
@@ -213,7 +248,7 @@ def ode_jacobian(g: Graphs) -> ca.Function:
     at = (q, qd, z, u, g.top("theta"))
     pressure, rate = actuation.values(*at)
     qdd = _acceleration(g, q, qd, pressure, None)
-    dq, dqd, dp = _acceleration_jacobian(g, q, qd, pressure, qdd, with_tau=False)
+    dq, dqd, dp = _acceleration_jacobian(g, q, qd, pressure, qdd)
     slopes = actuation.slopes(*at)
     by_q, by_v, by_z, by_u = (ca.mtimes(dp, slope) for slope in slopes[:4])
     zero = type(x)
@@ -229,7 +264,7 @@ def ode_jacobian(g: Graphs) -> ca.Function:
 
 
 def _acceleration_jacobian(
-    g: Graphs, q: ca.SX, qd: ca.SX, pressure: ca.SX, qdd: ca.SX, *, with_tau: bool
+    g: Graphs, q: ca.SX, qd: ca.SX, pressure: ca.SX, qdd: ca.SX, tau: ca.SX | None = None
 ) -> list[ca.SX]:
     """Derivatives d qdd = -M^-1 d(inverse dynamics), for q, qd, pressure and where asked tau."""
     theta = g.top("theta")
@@ -237,8 +272,11 @@ def _acceleration_jacobian(
     pair_q, pair_qd = _between_part(g)(q, qd, pressure, theta)
     n, n_u = g.chain.n_q, pressure.shape[0]
     rhs = [-(dq + pair_q), -(dqd + pair_qd), columns]
-    if with_tau:
+    if tau is not None:
         rhs.append(type(q).eye(n))
-    solution = solve_spd(M, ca.horzcat(*rhs), native=g.native)
-    sizes = np.cumsum([0, n, n, n_u] + [n] * with_tau).tolist()
-    return ca.horzsplit(solution, sizes)
+    if not g.robot.constraints:
+        sizes = np.cumsum([0, n, n, n_u] + [n] * (tau is not None)).tolist()
+        return ca.horzsplit(solve_spd(M, ca.horzcat(*rhs), native=g.native), sizes)
+    applied = type(q)(n, 1) if tau is None else tau
+    held = multipliers_of(g)(q, qd, pressure, applied, theta)
+    return constrained_columns(g, M, rhs, [q, qd, qdd, held, theta])

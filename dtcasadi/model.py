@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from . import functions, jacobians, recentring
+from . import jacobians, recentring
 from .actuators import Actuator, actuator_of
 from .bound import MATRICES, Bound
+from .builders import BUILDERS
 from .charts import Chart, charts_of
 from .checks import choice, shown
 from .compile import twin
@@ -26,39 +27,6 @@ if TYPE_CHECKING:
 # Above this number of discs a call graph compiles faster than it runs slower;
 # benchmarks/results/compile_size.md has the figures behind it.
 FLAT_UP_TO = 8
-
-_BUILDERS = {
-    name: getattr(functions, name)
-    for name in (
-        "mass_matrix",
-        "coriolis",
-        "gravity",
-        "spring",
-        "damping",
-        "inflation",
-        "volume",
-        "forces",
-        "contacts",
-        "forward_dynamics",
-        "inverse_dynamics",
-        "thread_tension",
-        "poses",
-        "angular_jacobians",
-        "kinetic_energy",
-        "potential_energy",
-        "momenta",
-        "lagrangian_gradient",
-        "canonical_ode",
-        "ode",
-        "air",
-        "power",
-    )
-} | {
-    name: getattr(jacobians, name)
-    for name in ("inverse_dynamics_jacobian", "forward_dynamics_jacobian", "ode_jacobian")
-}
-# Names of a model's Functions.
-FUNCTIONS = tuple(_BUILDERS)
 
 
 class _Graph:
@@ -114,6 +82,8 @@ class Model:
         "Rim points: gap (n,) [m], place (3, n) [m], force (3, n) [N] (q, qd, theta)."
     )
     forward_dynamics = _Graph("qdd (q, qd, pressure, tau, theta), shape (n_q,) [rad/s^2].")
+    multipliers = _Graph("lambda (q, qd, pressure, tau, theta) of the constraints [N], eq (7).")
+    constraint_terms = _Graph("phi (m,) [m], A_q (m, n_q), bias dA_q/dt qd (m,) (q, qd, theta).")
     inverse_dynamics = _Graph("tau (q, qd, qdd, pressure, theta), shape (n_q,) [N m].")
     thread_tension = _Graph("Tensions (q, qd, pressure, tau, theta), shape (n_discs - 1,) [N].")
     poses = _Graph("R (3, 3 n_discs) and r (3, n_discs) [m] in the root frame (q, theta).")
@@ -202,7 +172,7 @@ class Model:
         """
         if name not in self._functions:
             function = self.plain(name)
-            if name in ("forward_dynamics", "ode"):
+            if name in ("forward_dynamics", "ode") and not self.robot.constraints:
                 blocks = self.function(f"{name}_jacobian")
                 function = jacobians.with_jacobian(function, blocks, self._graphs)
             self._functions[name] = function
@@ -249,13 +219,13 @@ class Model:
         Raises:
             ModelError: unknown name.
         """
-        if name not in _BUILDERS:
-            raise ModelError(f"function: expected one of {', '.join(_BUILDERS)}, got {name!r}")
-        return self.once(("plain", name), lambda: _BUILDERS[name](self._graphs))
+        if name not in BUILDERS:
+            raise ModelError(f"function: expected one of {', '.join(BUILDERS)}, got {name!r}")
+        return self.once(("plain", name), lambda: BUILDERS[name](self._graphs))
 
     def native(self, name: str) -> ca.Function:
         """The Function with hand-written C kernels inside, for code generation only."""
-        return self.once(("native", name), lambda: _BUILDERS[name](self._native))
+        return self.once(("native", name), lambda: BUILDERS[name](self._native))
 
     def once(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """What `build` returns, made on the first call with this key and kept with the model."""

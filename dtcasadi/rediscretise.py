@@ -20,6 +20,8 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
     """See `Scene.rediscretised`."""
     if scene.beam is None:
         raise _error("robot", "a robot made from a tube or a rod", "one given disc by disc")
+    if scene.robot.constraints:
+        raise _error("robot", "a robot without constraints", f"{len(scene.robot.constraints)}")
     charts = set(scene.initial_chart or ())
     if len(charts) != 1 or not isinstance(scene.options.get("chart", ""), str):
         raise _error("chart", "one chart for all segments", "one for each")

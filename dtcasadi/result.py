@@ -111,6 +111,14 @@ class Run:
         }
 
     @property
+    def multipliers(self) -> np.ndarray:
+        """Multipliers of the constraints, eq (7), shape (m, n) [N]; rows as `constraint_terms`."""
+        pressure = self.air["effective_pressure"]
+        tau = np.zeros(self.q.shape)
+        values = self.model.multipliers(self.q, self.qd, pressure, tau, self.thetas)
+        return np.array(values).reshape(-1, len(self.t))
+
+    @property
     def contacts(self) -> Contacts:
         """Which disc touched which obstacle where and how hard, at the run's times."""
         return contacts_of(self)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
+from .constraints.values import Constraint
 from .contact.obstacle import Obstacle
 from .errors import RobotError
 from .forces.protocol import Force
@@ -22,16 +23,20 @@ from .parts import Chamber, Damping, Disc, Spring, Thread, rest_gap, set_fields
 STANDARD_GRAVITY = 9.81
 
 
-def _items(name: str, values: Any, kind: type) -> tuple[Any, ...]:
+def _items(name: str, values: Any, kind: Any) -> tuple[Any, ...]:
     """The values as a tuple, each of the kind."""
     try:
         result = tuple(values)
     except TypeError:
-        raise RobotError(name, f"a sequence of {kind.__name__}", checks.shown(values)) from None
+        raise RobotError(name, f"a sequence of {_title(kind)}", checks.shown(values)) from None
     for number, value in enumerate(result, 1):
         if not isinstance(value, kind):
-            raise RobotError(f"{name}[{number}]", f"a {kind.__name__}", checks.shown(value))
+            raise RobotError(f"{name}[{number}]", f"a {_title(kind)}", checks.shown(value))
     return result
+
+
+def _title(kind: Any) -> str:
+    return getattr(kind, "__name__", "Constraint")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +53,7 @@ class Robot:
         gravity: acceleration of gravity [m/s^2], not negative.
         forces: any number, of `dtcasadi.forces` or one's own (see `dtcasadi.Force`).
         obstacles: any number, of `dtcasadi.contact`, that the discs may touch.
+        constraints: any number, of `dtcasadi.constraints`, met at all times.
 
     Raises:
         RobotError: naming the field, what was expected and what was given.
@@ -62,6 +68,7 @@ class Robot:
     gravity: float = STANDARD_GRAVITY
     forces: tuple[Force, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
 
     def __post_init__(self) -> None:
         """Check how the parts fit together and complete the defaults."""
@@ -79,9 +86,11 @@ class Robot:
         damping = _items("damping", damping, Damping)
         if len(damping) != n - 1:
             raise RobotError("damping", f"one Damping, or {n - 1}", len(damping))
-        for name, parts in (("springs", springs), ("chambers", chambers)):
+        constraints = _items("constraints", self.constraints, Constraint)
+        spans = {"springs": springs, "chambers": chambers, "constraints": constraints}
+        for name, parts in spans.items():
             for number, part in enumerate(parts, 1):
-                if part.discs[1] > n:
+                if part.discs[-1] > n:
                     path = f"{name}[{number}].discs"
                     raise RobotError(path, f"discs from 1 to {n}", part.discs)
         set_fields(
@@ -95,6 +104,7 @@ class Robot:
             gravity=checks.number("gravity", self.gravity, nonnegative=True),
             forces=_fitted(_items("forces", self.forces, Force), discs, threads),
             obstacles=_items("obstacles", self.obstacles, Obstacle),
+            constraints=constraints,
         )
         set_fields(self, obstacles=tuple(self._fitted_obstacles()))
 

@@ -62,6 +62,12 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     disc = 4 | "all"            "all": such a force on every disc from 2 on; point: default the
                                 centre of mass
 
+    [[robot.constraints]] *     see `dtcasadi.constraints` for each
+    kind = "pinned"             disc, point, place
+    kind = "guided"             disc, point, place, along or normal
+    kind = "strap"              discs = [i, j], start, end, length
+    kind = "joined"             discs = [i, j], start, end
+
     [[obstacle]] *              what discs may touch; see `dtcasadi.contact`
     kind = "half_space"         point, normal
     kind = "sphere"             centre, radius

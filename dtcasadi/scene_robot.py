@@ -9,6 +9,7 @@ import numpy as np
 from . import checks
 from .robot import STANDARD_GRAVITY, Chamber, Damping, Disc, Robot, Thread
 from .scene_beams import Beam, BeamPart, read_beam
+from .scene_constraints import read_constraints
 from .scene_forces import read_forces
 from .scene_springs import Discs, read_span, read_springs
 from .scene_tables import Table, given
@@ -51,11 +52,13 @@ def read_robot(table: Table) -> RobotPart:
     chambers = _read_chambers(table, discs.number)
     damping = _read_damping(table, discs.number)
     forces = read_forces(table, discs)
+    constraints = read_constraints(table, discs.number)
     table.close()
     robot = None
     if len(table.faults) == before:
         parts = (discs.discs, threads, springs, chambers, damping)
-        robot = table.make(Robot, *parts, up=up, gravity=gravity, forces=forces)
+        acting = {"forces": forces, "constraints": constraints}
+        robot = table.make(Robot, *parts, up=up, gravity=gravity, **acting)
     return RobotPart(robot, discs.number, None if chambers is None else len(chambers))
 
 
@@ -64,12 +67,14 @@ def _of_beam(table: Table, part: BeamPart, before: int) -> RobotPart:
     beam, n_discs, robot = part
     if beam is None or n_discs is None or robot is None:
         read_forces(table, Discs([], [], None))
+        read_constraints(table, None)
         table.close()
         return RobotPart(None, n_discs, None)
     forces = read_forces(table, Discs(list(robot.discs), [beam.radius] * n_discs, n_discs))
+    constraints = read_constraints(table, n_discs)
     table.close()
     if len(table.faults) == before:
-        robot = table.make(replace, robot, forces=forces)
+        robot = table.make(replace, robot, forces=forces, constraints=constraints)
     return RobotPart(robot, n_discs, len(robot.chambers), beam)
 
 

@@ -10,10 +10,11 @@ from tqdm import tqdm
 
 from . import checks
 from .commands import CommandLike, command_pieces, sampled
+from .constraints.examine import on_constraints
 from .errors import ChartError, SimulationError
 from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
-from .integrators import METHODS, Problem, Trajectory
+from .integrators import METHODS, SYMPLECTIC, Problem, Trajectory
 from .model import Model
 from .ratings import warn_above_rating
 from .recentring import chart_limit, regular
@@ -67,6 +68,7 @@ def simulate(
 
     Raises:
         SimulationError: an argument cannot be used; the text says what was expected.
+        ConstraintError: constraints that cannot be met together.
 
     Warns:
         PressureWarning: a chamber went beyond its rated pressure.
@@ -98,10 +100,14 @@ def simulate(
         raise _error("method", f"one of {', '.join(METHODS)}", repr(name))
     step_s = scene.step_s if step_s is None and scene else step_s
     t_end = checks.number("t_end", t_end, positive=True, error=_error)
+    theta = _theta(model, theta)
+    x0, held = on_constraints(model, checks.array("x0", x0, (model.n_x,), error=_error), theta)
+    if held and name in SYMPLECTIC:
+        raise _error("method", "one that keeps constraints, such as rodas4 or sdirk2", repr(name))
     problem = Problem(
         model=model,
-        x0=checks.array("x0", x0, (model.n_x,), error=_error),
-        theta=_theta(model, theta),
+        x0=x0,
+        theta=theta,
         pieces=command_pieces(
             given,
             model.n_u,
@@ -119,6 +125,8 @@ def simulate(
         events=checked(events),
     )
     run = _run(problem, name)
+    if held:
+        run = replace(run, message=f"{run.message}; {held}")
     warn_above_rating(model.robot, run.pressure)
     return run
 

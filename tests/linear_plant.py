@@ -112,6 +112,7 @@ class Linear:
             momenta=ca.Function("momenta", [q, v, theta], [momenta]),
             force=ca.Function("force", [q, v, u, theta], [force]) if not n_z else form,
             rates=ca.Function("rates", [q, a, theta], [rates]),
+            projection=None,
             native=False,
             kind=kind,
         )

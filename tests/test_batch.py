@@ -10,10 +10,10 @@ from c_compilers import QUICK_CXX, needs_compiler, needs_cxx
 import dtcasadi as dtc
 from dtcasadi.batch import OneByOneWarning
 from dtcasadi.bench.dynamics import seed_robot
+from dtcasadi.builders import FUNCTIONS
 from dtcasadi.errors import ModelError
 from dtcasadi.lanes import obstacle
 from dtcasadi.linear import Factored, solve_spd
-from dtcasadi.model import FUNCTIONS
 
 # Fused multiply-adds and another sine, against round-off times the condition of M (1e3).
 TOLERANCE = 1e-12

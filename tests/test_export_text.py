@@ -16,6 +16,7 @@ import pytest
 from exported import difference, evaluated, random_arguments, robot_model
 
 import dtcasadi as dtc
+from dtcasadi.builders import FUNCTIONS
 from dtcasadi.cli import main
 from dtcasadi.codegen import Export, Exported, Exposed, text
 from dtcasadi.codegen.describe import DEFAULT, described
@@ -23,7 +24,6 @@ from dtcasadi.codegen.description import Settings
 from dtcasadi.codegen.kernel_notes import NOTES
 from dtcasadi.codegen.listing import KERNEL
 from dtcasadi.errors import ModelError
-from dtcasadi.model import FUNCTIONS
 from dtcasadi.recentring import recentre_function
 
 # Another order of operations in another assembly changes a result by round-off times the condition

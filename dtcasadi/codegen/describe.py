@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 
 from ..actuation import settled
+from ..builders import FUNCTIONS
 from ..checks import shown
 from ..errors import ModelError
-from ..model import FUNCTIONS, Model
+from ..model import Model
 from ..profile import Profile
 from ..recentring import recentre_function
 from ..scene import Scene
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULT = (
     "forward_dynamics",
+    "multipliers",
     "ode",
     "mass_matrix",
     "coriolis",
@@ -111,6 +113,8 @@ def _default(model: Model) -> tuple[str, ...]:
     robot = model.robot
     if not (robot.forces or robot.obstacles or model.options.wrenches):
         unused.add("forces")
+    if not robot.constraints:
+        unused.add("multipliers")
     if not robot.obstacles:
         unused.add("contacts")
     return tuple(name for name in DEFAULT if name not in unused)

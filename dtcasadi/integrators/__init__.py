@@ -7,6 +7,7 @@ from .scipy_methods import Scipy
 from .step import OneStep
 from .steppers import ONE_STEP
 from .sundials import Sundials
+from .symplectic import GAUSS2, GAUSS4
 
 _ALL: tuple[Method, ...] = (
     Auto(),
@@ -16,4 +17,17 @@ _ALL: tuple[Method, ...] = (
 )
 METHODS = {method.name: method for method in _ALL}
 
-__all__ = ["METHODS", "ONE_STEP", "Method", "OneStep", "Package", "Problem", "Scipy", "Trajectory"]
+# Methods on (q, p), which know nothing of multipliers.
+SYMPLECTIC = (GAUSS2.name, GAUSS4.name)
+
+__all__ = [
+    "METHODS",
+    "ONE_STEP",
+    "SYMPLECTIC",
+    "Method",
+    "OneStep",
+    "Package",
+    "Problem",
+    "Scipy",
+    "Trajectory",
+]

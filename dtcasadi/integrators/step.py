@@ -20,6 +20,7 @@ class Plant:
         momenta: p(q, qd, theta).
         force: dL/dq + Q (q, qd, pressure, theta), the right side of eq (7).
         rates: M^-1 p (q, p, theta).
+        projection: x, theta -> x on the robot's constraints; None without any.
         native: whether C kernels may be embedded (generated code only).
         kind: SX for small models, whose steps are one flat graph, else MX.
     """
@@ -29,6 +30,7 @@ class Plant:
     momenta: ca.Function
     force: ca.Function
     rates: ca.Function
+    projection: ca.Function | None
     native: bool
     kind: Any
 
@@ -149,6 +151,14 @@ def first_order(plant: Plant, at: At) -> tuple[ca.MX, ca.MX]:
     return F_x, ca.vertcat(at.zeros(n, U.shape[1] + T.shape[1]), by[:, 2 * n + n_z :])
 
 
+def taken(method: OneStep, plant: Plant, at: At) -> Step:
+    """The method's step, its end put back onto the robot's constraints."""
+    step = method.step(plant, at)
+    if plant.projection is None:
+        return step
+    return step._replace(x_next=plant.projection(step.x_next, at.theta))
+
+
 def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
     """Exact derivatives of any step by automatic differentiation of its graph.
 
@@ -163,7 +173,7 @@ def differentiated(method: OneStep, plant: Plant, at: At) -> Sensitivity:
     halves = [0, n_theta - n_free, n_theta]
     free = plant.kind.sym("free", n_free)
     frames, _ = ca.vertsplit(theta, halves)
-    value = method.step(plant, At(x, u, du, h, ca.vertcat(frames, free))).x_next
+    value = taken(method, plant, At(x, u, du, h, ca.vertcat(frames, free))).x_next
     blocks = [ca.jacobian(value, by) for by in (x, u, free)]
     function = ca.Function("differentiated", [x, u, du, h, theta, free], blocks)
     return Sensitivity(*function.call([*at, ca.vertsplit(at.theta, halves)[1]]))

@@ -3,12 +3,13 @@
 import casadi as ca
 
 from .. import functions
+from ..constraints.system import projection
 from ..graphs import Graphs
 from ..jacobians import implicit_form
 from .collocation import MIDPOINT, RADAU3, RADAU5, SDIRK2
 from .explicit import Explicit
 from .rosenbrock import RODAS4, ROS1, ROS2, ROS3
-from .step import At, OneStep, Plant
+from .step import At, OneStep, Plant, taken
 from .symplectic import GAUSS2, GAUSS4
 from .tableau import DOPRI5, EULER, HEUN, RK4, TSIT5
 
@@ -29,6 +30,7 @@ def plant_of(g: Graphs) -> Plant:
         momenta=functions.momenta(g),
         force=functions.canonical_force(g),
         rates=functions.canonical_rates(g),
+        projection=projection(g) if g.robot.constraints else None,
         native=g.native,
         kind=ca.SX if g.inlined else ca.MX,
     )
@@ -50,7 +52,7 @@ def symbols(plant: Plant) -> At:
 def step_function(method: OneStep, plant: Plant) -> ca.Function:
     """The step with free size: x, u, du, h, theta -> x_next, error, slack."""
     at = symbols(plant)
-    step = method.step(plant, at)
+    step = taken(method, plant, at)
     ports = ["x_next", "error", "slack"]
     outputs = [ca.densify(getattr(step, port)) for port in ports]
     name = f"step_{method.name}"

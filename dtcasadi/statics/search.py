@@ -25,6 +25,7 @@ import numpy as np
 
 from ..bound import Bound
 from ..compile import load_library
+from ..errors import StaticsError
 from ..kernels.recentring import absorbed
 from ..model import Model
 from ..recentring import LIMIT, chart_limit, off_centre
@@ -314,7 +315,14 @@ class _Twin:
 
 
 def search_of(model: Model) -> Search:
-    """The search of a model, compiled on first use and kept with it."""
+    """The search of a model, compiled on first use and kept with it.
+
+    Raises:
+        StaticsError: the robot has constraints, whose multipliers it knows nothing of.
+    """
+    if model.robot.constraints:
+        got = len(model.robot.constraints)
+        raise StaticsError(f"model: expected a robot without constraints, got {got}")
 
     def build() -> Search:
         native = model.graphs[0]
