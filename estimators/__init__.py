@@ -1,6 +1,8 @@
 """State and parameter estimators on a discrete disc-thread model."""
 
-from .base import Discrete, Estimate, ProcessNoise
+from dtcasadi.waist import Discrete
+
+from .base import Estimate, ProcessNoise
 from .ekf import EKF
 from .operating import OperatingPoints, operating_points
 from .spv import SPV

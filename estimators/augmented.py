@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dtcasadi import checks
+from dtcasadi.waist import Discrete
 
-from .base import Discrete, ProcessNoise, refusal, symmetric
+from .base import ProcessNoise, refusal, symmetric
 
 
 class Layout(NamedTuple):

@@ -12,9 +12,10 @@ from dtcasadi import checks
 from dtcasadi.bound import Bound
 from dtcasadi.codegen import Exposed, exposed
 from dtcasadi.compile import twin
+from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by, widened
-from .base import Discrete, Estimate, ProcessNoise, refusal
+from .base import Estimate, ProcessNoise, refusal
 from .steps import Pair, Setting, correction, prediction
 
 # Without a gate every update is believed; a number, so that C can compare with it.

@@ -12,8 +12,9 @@ import numpy as np
 from dtcasadi.errors import EstimationError
 from dtcasadi.logs import Log
 from dtcasadi.measuring import Sensor
+from dtcasadi.waist import Discrete
 
-from .base import Discrete, Estimate
+from .base import Estimate
 
 # Samples a step that one run may keep waiting; more is a fault of the times.
 _MOST_STEPS = 10**7

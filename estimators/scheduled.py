@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from dtcasadi.waist import Discrete
+
 from .augmented import Layout
-from .base import Discrete
 from .operating import OperatingPoints
 from .subsystems import Subsystem
 

@@ -34,9 +34,10 @@ from dtcasadi import checks
 from dtcasadi.bound import Bound
 from dtcasadi.codegen import Exposed, exposed
 from dtcasadi.compile import bind
+from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by
-from .base import Discrete, Estimate, ProcessNoise, refusal
+from .base import Estimate, ProcessNoise, refusal
 from .operating import OperatingPoints
 from .scheduled import Tables, correction, covariance, prediction
 from .subsystems import Linearizer

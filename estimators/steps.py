@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 from dtcasadi.measuring import Sensor
+from dtcasadi.waist import Discrete
 
-from .base import Discrete
 from .covariance import predicted, updated
 
 OPTIONS = {"cse": True}

@@ -11,9 +11,9 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 from dtcasadi.bound import Bound
 from dtcasadi.errors import EstimationError
 from dtcasadi.measuring import Sensor
+from dtcasadi.waist import Discrete
 
 from .augmented import Layout
-from .base import Discrete
 
 # Largest eigenvalue of the errors; what nothing measures stays at 1, to round-off.
 _SLOWEST = 1 - 1e-9

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dtcasadi import recording
 from dtcasadi.actuators import Hysteresis, actuator_of
-from dtcasadi.bound import Bound
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.errors import EstimationError
 from dtcasadi.logs import Log
@@ -93,21 +93,6 @@ def recorded(scene: Scene, truth: Truth, seed: int | None = None) -> Log:
 
     Rows are in the order of time; a sensor's latency is the runner's to observe.
     """
-    choice, discrete = settings(scene), truth.discrete
-    rng = np.random.default_rng(choice.seed if seed is None else seed)
-    channels: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    unit = "Pa" if discrete.model.actuator.command == "pressure" else ""
-    for k in range(truth.u.shape[1]):
-        channels[f"command{k + 1}"], units[f"command{k + 1}"] = truth.u[:, k], unit
-    for name, sensor in discrete.sensors.items():
-        output = Bound(sensor.output)
-        rows = zip(truth.x, truth.u, truth.theta, strict=True)
-        y = np.array([np.atleast_1d(output(*row)) for row in rows])
-        y = y + rng.multivariate_normal(np.zeros(sensor.n_y), sensor.R_v, len(y))
-        every = round((sensor.period_s or discrete.step_s) / discrete.step_s) or 1
-        silent = (np.arange(len(y)) % every != 0) | (rng.random(len(y)) < sensor.dropout)
-        y[silent] = np.nan
-        for k, (channel, unit) in enumerate(sensor.channels):
-            channels[f"{name}.{channel}"], units[f"{name}.{channel}"] = y[:, k], unit
-    return Log(truth.t, channels, units, scene.name)
+    chosen = settings(scene).seed if seed is None else seed
+    motion = (truth.t, truth.x, truth.u, truth.theta)
+    return recording.recorded(truth.discrete, *motion, seed=chosen, source=scene.name)

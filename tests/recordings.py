@@ -1,13 +1,11 @@
-"""Recorded motions with noise: of a linear model in steps, and of robots by a finer integrator."""
+"""Recorded motions with noise of a linear model in steps, and scenes with sensors."""
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from linear_toy import LinearDiscrete
 
 import dtcasadi as dtc
-from dtcasadi.bound import Bound
 from dtcasadi.logs import Log
 from dtcasadi.sampled import Sampled
 
@@ -53,56 +51,6 @@ def toy_log(
     return Log(t, channels, dict.fromkeys(channels, ""), "toy")
 
 
-def robot_log(
-    scene: dtc.Scene,
-    t_end: float,
-    step_s: float,
-    *,
-    seed: int = 0,
-    theta: Mapping[str, float] | None = None,
-    noise: float = 1.0,
-    **options: Any,
-) -> Log:
-    """The scene's motion by an adaptive integrator to 1e-9, as its sensors see it.
-
-    Args:
-        scene: with sensors.
-        t_end: duration [s].
-        step_s: time between readings [s].
-        seed: of the noise.
-        theta: other values of parameters, by path.
-        noise: factor on the sensors' noise.
-        options: of `build`.
-    """
-    model = scene.build(**options, parameters=tuple(theta or ()))
-    values = model.theta0.copy()
-    for path, value in (theta or {}).items():
-        values[model.theta_blocks[path]] = value
-    t = np.round(step_s * np.arange(round(t_end / step_s) + 1), 9)
-    fine: Any = {"rtol": 1e-9, "atol": 1e-10, "method": "tsit5"}
-    pressure = scene.pressure
-    run = dtc.simulate(model, scene.x0(model), pressure=pressure, t_end=t[-1], theta=values, **fine)
-    assert run.success, run.message
-    at = run.at(t)
-    discrete = model.discrete(step_s, sensors=scene.sensors)
-    rng = np.random.default_rng(seed)
-    channels: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    for k in range(model.n_u):
-        channels[f"command{k + 1}"], units[f"command{k + 1}"] = at.u[k], "Pa"
-    for sensor in discrete.sensors.values():
-        output = Bound(sensor.output)
-        rows = zip(at.x.T, at.u.T, at.thetas.T, strict=True)
-        y = np.array([output(*row) for row in rows])
-        y = y + noise * rng.multivariate_normal(np.zeros(sensor.n_y), sensor.R_v, len(y))
-        for k, (channel, unit) in enumerate(sensor.channels):
-            channels[f"{sensor.name}.{channel}"] = y[:, k]
-            units[f"{sensor.name}.{channel}"] = unit
-    return Log(t, channels, units, scene.name)
-
-
 def sensed(scene: dtc.Scene, *sensors: Sampled) -> dtc.Scene:
     """The scene with these sensors."""
-    from dataclasses import replace
-
     return replace(scene, sensors=sensors)

@@ -7,7 +7,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from recordings import robot_log, sensed
+from recordings import sensed
 
 import dtcasadi as dtc
 from dtcasadi.cli import main
@@ -16,6 +16,7 @@ from dtcasadi.identify import Experiment, solve
 from dtcasadi.identify.data import gridded
 from dtcasadi.identify.parameters import parameters_of, theta_of
 from dtcasadi.identify.problem import wanted_of
+from dtcasadi.recording import experiment
 from dtcasadi.sensors import Marker
 
 TRUE = {"springs.stiffness": 1.2, "damping.c_a": 80.0}
@@ -31,7 +32,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def log(scene):
-    return robot_log(scene, 4.0, 0.02, theta=TRUE, seed=2)
+    return experiment(scene, 0.02, t_end=4.0, values=TRUE, seed=2)
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +72,11 @@ def test_other_logs_are_predicted_and_a_wrong_one_is_not(scene, found):
     wanted = wanted_of(found.problem.discrete, found.problem.sensors)
     sigma = np.r_[np.ones(6), 3 * np.ones(6)]
     good, bad = (
-        gridded(Experiment(robot_log(scene, 2.0, 0.02, theta=theta, seed=9), sigma=sigma), wanted)
-        for theta in (TRUE, {**TRUE, "damping.c_a": 40.0})
+        gridded(
+            Experiment(experiment(scene, 0.02, t_end=2.0, values=values, seed=9), sigma=sigma),
+            wanted,
+        )
+        for values in (TRUE, {**TRUE, "damping.c_a": 40.0})
     )
     good, bad = solve(found.problem, held_out=[good, bad]).validation
     assert good.size < 1.2 and bad.size > 2

@@ -15,9 +15,10 @@ from ..discrete import DiscreteModel
 from ..errors import IdentificationError
 from ..logs import Log, read_log
 from ..scene import Scene
+from ..waist import Discrete
 from .data import Data, Experiment, gridded
 from .parameters import expanded
-from .problem import Discrete, Problem, build, node_steps, wanted_of
+from .problem import Problem, build, node_steps, wanted_of
 from .result import Identified
 from .settings import Settings, refusal
 from .solve import solve

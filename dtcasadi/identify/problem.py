@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,53 +21,10 @@ from ..bound import Bound
 from ..compile import twin
 from ..errors import IdentificationError
 from ..measuring import Sensor
+from ..waist import Discrete
 from .data import Data, Experiment, Wanted, gridded, sensors_in
 from .parameters import Parameter, parameters_of, theta_of
 from .settings import Settings
-
-
-class Discrete(Protocol):
-    """What identification needs of a discrete model; `dtcasadi.discrete.DiscreteModel` is one."""
-
-    @property
-    def linearize_checked(self) -> ca.Function:
-        """Function x, u, theta -> x_next, F_x, F_u, F_theta, status."""
-
-    @property
-    def theta0(self) -> np.ndarray:
-        """The parameters, shape (n_theta,)."""
-
-    @property
-    def theta_blocks(self) -> Mapping[str, slice]:
-        """Name of each block of theta -> its slice."""
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """One name per state."""
-
-    @property
-    def step_s(self) -> float:
-        """Step [s]."""
-
-    @property
-    def sensors(self) -> Mapping[str, Sensor]:
-        """What is measured, by name."""
-
-    def native(self, name: str) -> ca.Function:
-        """A Function with hand-written C kernels inside, for code generation only."""
-
-    def together(self, names: Sequence[str]) -> Sensor:
-        """Several sensors read at the same instant, as one."""
-
-    def recentre(
-        self, x: np.ndarray, theta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """State and parameters about new centres, and the map T of a covariance."""
-
-    def carried(
-        self, x: np.ndarray, theta: np.ndarray, to: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """A state about the centres of another theta, and the map T; asked for with `frames`."""
 
 
 @dataclass(frozen=True, eq=False)

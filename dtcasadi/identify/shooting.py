@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -182,4 +182,5 @@ def _carried(
     problem: Problem, x: np.ndarray, theta: np.ndarray, to: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """A state about other centres, and the derivative of the change."""
-    return problem.discrete.carried(x, theta, to)
+    robot: Any = problem.discrete  # the only kind of model that has centres
+    return robot.carried(x, theta, to)
