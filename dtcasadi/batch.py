@@ -10,7 +10,8 @@ import threading
 import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -72,48 +73,67 @@ class Batch:
             ModelError: wrong number of arguments, a wrong shape, something else than real numbers,
                 or the evaluation itself fails.
         """
-        f = self.function
-        if len(arrays) != f.n_in():
-            expected = f"expected {f.n_in()} arguments ({', '.join(f.name_in())})"
-            raise ModelError(f"{f.name()}: {expected}, got {len(arrays)}")
-        fitted = [self._fitted(i, array) for i, array in enumerate(arrays)]
+        ports = self._ports_in
+        if len(arrays) != len(ports):
+            expected = f"expected {len(ports)} arguments ({', '.join(port.name for port in ports)})"
+            raise ModelError(f"{self.function.name()}: {expected}, got {len(arrays)}")
+        fitted = [self._fitted(*pair) for pair in zip(ports, arrays, strict=True)]
         counts = {array.shape[1] for array in fitted if array.ndim == 2}
         if len(counts) != 1:
-            expected = f"{f.name()}: expected arguments with a column for each robot"
+            expected = f"{self.function.name()}: expected arguments with a column for each robot"
             found = f"{sorted(counts)} columns" if counts else "none with columns"
             raise ModelError(f"{expected}, got {found}")
-        (n,) = counts
-        results = [self._shaped(i, result, n) for i, result in enumerate(self._engine(fitted, n))]
-        return results[0] if len(results) == 1 else named_ports("Outputs", f.name_out(), results)
+        found = self._engine(fitted, next(iter(counts)))
+        results = [_shaped(*pair) for pair in zip(self._ports_out, found, strict=True)]
+        names = [port.name for port in self._ports_out]
+        return results[0] if len(results) == 1 else named_ports("Outputs", names, results)
 
-    def _fitted(self, i: int, value: object) -> np.ndarray:
+    def _fitted(self, port: "_Port", value: object) -> np.ndarray:
         """An argument as (entries, n) or (entries,), entries in column-major order."""
-        f, port = self.function, f"{self.function.name()}: {self.function.name_in(i)}"
         try:
             array = np.asarray(value)
         except ValueError:  # nested lists of unequal lengths
-            raise ModelError(f"{port}: expected real numbers, got {shown(value)}") from None
+            array = np.array(None)
         if array.dtype.kind not in "fiub":
-            raise ModelError(f"{port}: expected real numbers, got {shown(value)}")
+            raise self._misfit(port, "real numbers", shown(value))
         array = array.astype(np.float64, copy=False)
-        one = self._shape(f.name_in(i), f.size_in(i))
+        one = port.shape
         if array.ndim == 0 and one == (1,):
             array = array.reshape(1)
         if array.shape[: len(one)] != one or array.ndim > len(one) + 1:
-            raise ModelError(f"{port}: expected shape {one} or {(*one, 'n')}, got {array.shape}")
+            raise self._misfit(port, f"shape {one} or {(*one, 'n')}", array.shape)
         if len(one) == 1:
             return array
-        return array.swapaxes(0, 1).reshape(f.numel_in(i), *array.shape[2:])
+        return array.swapaxes(0, 1).reshape(one[0] * one[1], *array.shape[2:])
 
-    def _shaped(self, i: int, result: np.ndarray, n: int) -> np.ndarray:
+    def _misfit(self, port: "_Port", expected: str, got: object) -> ModelError:
+        return ModelError(f"{self.function.name()}: {port.name}: expected {expected}, got {got}")
+
+    # Asking CasADi takes as long as some robots do.
+    @cached_property
+    def _ports_in(self) -> "list[_Port]":
         f = self.function
-        if len(self._shape(f.name_out(i), f.size_out(i))) == 1:
-            return result
-        rows, columns = f.size_out(i)
-        return result.reshape(columns, rows, n).swapaxes(0, 1)
+        return [self._port(f.name_in(i), f.size_in(i)) for i in range(f.n_in())]
 
-    def _shape(self, name: str, size: tuple[int, int]) -> tuple[int, ...]:
-        return size if size[1] != 1 or name in self.matrices else size[:1]
+    @cached_property
+    def _ports_out(self) -> "list[_Port]":
+        f = self.function
+        return [self._port(f.name_out(i), f.size_out(i)) for i in range(f.n_out())]
+
+    def _port(self, name: str, size: tuple[int, int]) -> "_Port":
+        return _Port(name, size if size[1] != 1 or name in self.matrices else size[:1])
+
+
+class _Port(NamedTuple):
+    name: str
+    shape: tuple[int, ...]  # of one robot's
+
+
+def _shaped(port: _Port, result: np.ndarray) -> np.ndarray:
+    if len(port.shape) == 1:
+        return result
+    rows, columns = port.shape
+    return result.reshape(columns, rows, result.shape[1]).swapaxes(0, 1)
 
 
 def batch(
@@ -229,7 +249,8 @@ def _rows_contiguous(array: np.ndarray, n: int) -> tuple[np.ndarray, int]:
 
 
 def _addresses(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    return np.array([array.ctypes.data for array in arrays], dtype=np.uintp)
+    # A fifth of the time that `array.ctypes.data` takes.
+    return np.array([a.__array_interface__["data"][0] for a in arrays], dtype=np.uintp)
 
 
 class _Mapped:

@@ -82,12 +82,21 @@ def conditions(model: Model, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
     return np.array(values)
 
 
-def imbalance(energy: dict[str, np.ndarray]) -> float:
-    """Largest residual of the balance relative to the energy in motion or turned over."""
+def imbalance(energy: dict[str, np.ndarray]) -> np.ndarray:
+    """Largest residual of the balance relative to the energy in motion or turned over.
+
+    Args:
+        energy: as of `energy_balance`, of one run, shape (n,), or of several, (n, runs).
+
+    Returns:
+        A number, or one for each run.
+    """
     total = energy["kinetic"] + energy["potential"] + energy["stored"]
     kinds = ("potential", "stored", "supplied", "dissipated")
-    turned = max(float(np.ptp(energy[name])) for name in kinds)
+    turned = np.max([np.ptp(energy[name], axis=0) for name in kinds], axis=0)
     # A free disc turns nothing over: what it moves with is the scale, not its own drift. At rest
     # there is only what the tolerances let through, small beside the energy there is.
-    turned = max(turned, float(np.max(energy["kinetic"])), 1e-6 * float(np.max(np.abs(total))))
-    return float(np.max(np.abs(energy["residual"]))) / turned if turned > 0 else 0.0
+    moving = np.max(energy["kinetic"], axis=0)
+    turned = np.max([turned, moving, 1e-6 * np.max(np.abs(total), axis=0)], axis=0)
+    worst = np.max(np.abs(energy["residual"]), axis=0)
+    return np.divide(worst, turned, out=np.zeros_like(worst), where=turned > 0)

@@ -209,7 +209,7 @@ def _imbalance(model: Model, trajectory: Trajectory, energy: dict[str, np.ndarra
     """A sentence when finite states do not even balance their energy, or nothing."""
     if model.options.velocity_terms != "full" or len(trajectory.t) < 2:
         return ""
-    share = imbalance(energy)
+    share = float(imbalance(energy))
     if share <= _IMBALANCE_MAX:
         return ""
     return (

@@ -176,6 +176,7 @@ def test_a_script_without_a_main_guard_is_told(monkeypatch):
         dtc.sweep(scene_of(), swept.OVER, **swept.SETTINGS | {"workers": 2})
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of another package and its dependencies
 def test_a_dask_cluster_that_loses_a_worker(received):
     distributed = pytest.importorskip("distributed")

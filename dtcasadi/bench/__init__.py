@@ -10,6 +10,7 @@ BENCHES = {
     "dynamics": "time per call and operations of the state equation over the number of discs",
     "inflation": "time per call with inflation by volume against the last disc's",
     "stability": "largest stable step of every method on hard scenes, or why it fails",
+    "sweep": "runs per second on lanes against a process pool over the single-robot code",
     "statics": "time of an equilibrium from a cold start and of a pressure sweep with stability",
 }
 

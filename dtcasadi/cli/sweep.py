@@ -100,7 +100,7 @@ def _cluster(address: str) -> "Executor":
         SweepError: dask.distributed is missing, or nobody answers.
     """
     try:
-        from distributed import Client  # type: ignore[import-not-found, unused-ignore]
+        from distributed import Client
     except ImportError:
         hint = "pip install dtcasadi[cluster]"
         raise SweepError(f"--scheduler: expected dask.distributed ({hint}), got none") from None

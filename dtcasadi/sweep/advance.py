@@ -1,6 +1,6 @@
 """A fixed step with its share of the energy balance, as one Function for many robots at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 
@@ -16,10 +16,11 @@ from ..integrators.steppers import plant_of, step_function
 _HUGE = 1e300
 
 
-def advance_function(method: OneStep, g: Graphs) -> ca.Function:
-    """x, rates, u, du, h, theta -> x_next, rates_next, status, work (supplied, dissipated).
+def advance_function(method: OneStep, g: Graphs, limited: Sequence[int]) -> ca.Function:
+    """x, rates, u, du, h, theta -> x_next, rates_next, status, work, peak.
 
-    Work is integrated by three Gauss nodes on the quintic between the ends, as in `health`.
+    Work (supplied, dissipated) is integrated by three Gauss nodes on the quintic between the ends,
+    as in `health`; peak is the largest of the angles in entries `limited` of x.
     """
     plant = plant_of(g)
     n_x, n_u, n_theta = (plant.ode.size1_in(i) for i in range(3))
@@ -40,6 +41,7 @@ def advance_function(method: OneStep, g: Graphs) -> ca.Function:
         "rates_next": rates_next,
         "status": 1 - good,
         "work": work,
+        "peak": _largest([ca.fabs(x_next[k]) for k in limited]),
     }
     return ca.Function(
         f"advance_{method.name}",
@@ -68,3 +70,25 @@ def _between(
         return ca.vertcat(q, slope / h, z)
 
     return at
+
+
+def repeated(advance: ca.Function, times: int) -> ca.Function:
+    """The same ports over several steps: the last state, statuses and work added, highest peak."""
+    x, rates, u, du, h, theta = (ca.MX.sym(n, advance.size1_in(n)) for n in advance.name_in())
+    ports = [x, rates, u, du, h, theta]
+    statuses, works, peaks = [], [], []
+    for k in range(times):
+        x, rates, status, work, peak = advance(x, rates, u + k * h * du, du, h, theta)
+        statuses.append(status)
+        works.append(work)
+        peaks.append(peak)
+    outputs = [x, rates, sum(statuses), sum(works), _largest(peaks)]
+    name = f"{advance.name()}_{times}"
+    return ca.Function(name, ports, outputs, advance.name_in(), advance.name_out())
+
+
+def _largest(values: list[ca.MX]) -> ca.MX:
+    result = values[0] if values else ca.MX(1, 1)
+    for value in values[1:]:
+        result = ca.fmax(result, value)
+    return result

@@ -31,15 +31,13 @@ def outcomes(
     total = energy["kinetic"] + energy["potential"] + energy["stored"]
     residual = total - total[0] - work["supplied"] + work["dissipated"]
     energy["residual"] = residual
-    runs = range(total.shape[1])
-    shares = [imbalance({name: values[:, k] for name, values in energy.items()}) for k in runs]
     columns = {
         "tip": seen["tip"][:, -1].T,
         "tip_rotation": seen["tip_rotation"][:, -1].T.reshape(-1, 3, 3).swapaxes(1, 2),
         "max_tilt": np.arccos(np.clip(seen["cos_tilt"][0].min(axis=0), -1.0, 1.0)),
         "max_strain": seen["strain"][0].max(axis=0),
         "energy_residual": np.abs(residual).max(axis=0),
-        "energy_imbalance": np.array(shares),
+        "energy_imbalance": imbalance(energy),
     }
     for name, how in save:
         columns[f"{name}.{how}"] = _reduced(seen[f"save_{name}"], how)

@@ -13,13 +13,15 @@ from ..integrators.loop_state import Watched
 from ..integrators.package import watched
 from ..profile import Piece
 from ..recentring import LIMIT, NEAR
-from .advance import advance_function
+from .advance import advance_function, repeated
 from .columns import DONE, FAILED, IMBALANCE_MAX, imbalance_text, outcomes
 from .probe import probe_of
 from .targets import Rows, Setup
 
 # Runs side by side: their states stay in the processor's cache.
-TOGETHER = 512
+TOGETHER = 1024
+# Steps of a call where nothing has to be looked at between them.
+BLOCK = 4
 
 
 class Fixed:
@@ -29,18 +31,20 @@ class Fixed:
         self.setup, self.save, self.step_s = setup, save, step_s
         model, scene = setup.model, setup.scene
         self.method = ONE_STEP[scene.method]
-        native, plain = (advance_function(self.method, g) for g in model.graphs)
-        self.advance = batch(plain, native=native)
         self.ode: Batch = batch(model)
         self.probe = probe_of(model, [name for name, _ in save])
         self.look = batch(self.probe.function)
         kinds = watched(model)
-        self.limited = kinds[kinds[:, 1] == Watched.LIMITED, 0]
+        self.limited = kinds[kinds[:, 1] == Watched.LIMITED, 0].tolist()
         self.singular = [
             (int(k), np.sin if kind == Watched.SINE else np.cos)
             for k, kind in kinds
             if kind != Watched.LIMITED
         ]
+        pair = [advance_function(self.method, g, self.limited) for g in model.graphs]
+        self.advance = batch(pair[1], native=pair[0])
+        native, plain = (repeated(each, BLOCK) for each in pair)
+        self.block = None if self.singular else batch(plain, native=native)
         self.pieces = [
             piece
             for piece in command_pieces(setup.base, model.n_u, scene.t_end)
@@ -78,10 +82,20 @@ class _Flock:
             t, h = piece.t_start, (piece.t_end - piece.t_start) / steps
             slope = self.rows.scale * piece.slope[:, np.newaxis]
             rates = engine.ode(self.x, self._command(piece, t), self.theta)
-            for k in range(steps):
+            end = step + steps
+            while step < end:
+                u = self._command(piece, t)
                 if step in engine.kept:
-                    self._look(self._command(piece, t))
-                u, taken = self._command(piece, t), h if k + 1 < steps else piece.t_end - t
+                    self._look(u)
+                inner = range(step + 1, step + BLOCK)
+                if step + BLOCK < end and engine.kept.isdisjoint(inner):
+                    after = self._block(u, slope, h, rates)
+                    if after is not None:
+                        rates, step = after, step + BLOCK
+                        for _ in range(BLOCK):
+                            t += h
+                        continue
+                taken = h if step + 1 < end else piece.t_end - t
                 rates = self._step(t, u, slope, taken, rates)
                 t, step = t + h, step + 1
         self._look(self._command(piece, piece.t_end))
@@ -90,11 +104,30 @@ class _Flock:
     def _command(self, piece: Piece, t: float) -> np.ndarray:
         return self.rows.scale * piece(t)[:, np.newaxis] + self.rows.offset
 
+    def _block(
+        self, u: np.ndarray, slope: np.ndarray, h: float, rates: np.ndarray
+    ) -> np.ndarray | None:
+        """Several steps in one call; None, and nothing happened, where one needs a closer look."""
+        if self.engine.block is None:
+            return None
+        call = self.engine.block(self.x, rates, u, slope, [h], self.theta)
+        x, rates, status, work, peak = call
+        # Runs that have stopped stay where they are.
+        going = self.reason == ""
+        if np.any((status[0] != 0) & going) or np.any((peak[0] > LIMIT) & going):
+            return None
+        stopped = ~going
+        if stopped.any():
+            x[:, stopped], work[:, stopped] = self.x[:, stopped], 0.0
+        self.x = x
+        self.work += work
+        return rates
+
     def _step(
         self, t: float, u: np.ndarray, slope: np.ndarray, h: float, rates: np.ndarray
     ) -> np.ndarray:
         """One step of every run; returns the rates at its end."""
-        x, rates, status, work = self.engine.advance(self.x, rates, u, slope, [h], self.theta)
+        x, rates, status, work, _ = self.engine.advance(self.x, rates, u, slope, [h], self.theta)
         bad = (status[0] != 0) | (self.reason != "")
         if bad.any():
             for k in np.flatnonzero(bad & (self.reason == "")).tolist():
@@ -113,7 +146,7 @@ class _Flock:
             near = np.abs(measure(self.x[entry])) < NEAR
             for run in np.flatnonzero(near & (self.reason == "")).tolist():
                 self._fail(run, t, "came to a singularity of its chart")
-        if not len(engine.limited):
+        if not engine.limited:
             return rates
         off = np.flatnonzero((np.abs(self.x[engine.limited]) > LIMIT).any(axis=0))
         for k in off.tolist():

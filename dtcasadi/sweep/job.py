@@ -11,7 +11,7 @@ import numpy as np
 from ..scene import Scene
 from .fixed import Fixed
 from .single import Single
-from .targets import setup_of
+from .targets import Setup, setup_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,9 @@ class Job:
 
 
 class Engine(Protocol):
-    """How the runs of a job are made."""
+    """How the runs of a job are made, and the model they are made of."""
+
+    setup: Setup
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Columns of the runs of some rows of inputs, among them `status` and `reason`."""
