@@ -83,8 +83,8 @@ class Batch:
             expected = f"{self.function.name()}: expected arguments with a column for each robot"
             found = f"{sorted(counts)} columns" if counts else "none with columns"
             raise ModelError(f"{expected}, got {found}")
-        found = self._engine(fitted, next(iter(counts)))
-        results = [_shaped(*pair) for pair in zip(self._ports_out, found, strict=True)]
+        columns = self._engine(fitted, next(iter(counts)))
+        results = [_shaped(*pair) for pair in zip(self._ports_out, columns, strict=True)]
         names = [port.name for port in self._ports_out]
         return results[0] if len(results) == 1 else named_ports("Outputs", names, results)
 
