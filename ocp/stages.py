@@ -80,6 +80,14 @@ class Stages:
         """Number N of intervals."""
         return self.problem.horizon
 
+    @property
+    def tracked(self) -> list[tuple[str, list[int]]]:
+        """Sensor and places of the tracked channels of each term, in the order of r."""
+        return [
+            (term.output, picked_of(self.discrete, term.output, term.channels, "channels"))
+            for term in self.problem.tracking
+        ]
+
     def references(self, t: float = 0.0) -> np.ndarray:
         """References at t, t + h, ..., t + N h, shape (N + 1, n_r).
 
