@@ -34,6 +34,7 @@ class Estimation:
         truth_discs: number of discs of the robot that really moves; default: the model's.
         truth_stiffness: how many times stiffer its springs are than the model's.
         truth_hysteresis: amplitude of its chambers' hysteresis, which the model lacks [Pa].
+        truth_payload: mass that its last disc carries and the model does not know of [kg].
     """
 
     step_s: float = 0.005
@@ -55,6 +56,7 @@ class Estimation:
     truth_discs: int | None = None
     truth_stiffness: float = 1.0
     truth_hysteresis: float = 0.0
+    truth_payload: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every field."""

@@ -21,7 +21,7 @@ class Seen:
     """The chain at one (q, qd, qdd), as sensors see it; each recursion runs once, if at all."""
 
     def __init__(self, chain: Chain, q: ca.SX, qd: ca.SX, qdd: ca.SX, pressure: ca.SX):
-        self.chain, self.pressure = chain, pressure
+        self.chain, self.q, self.pressure = chain, q, pressure
         self._motion = chain.motion(chain.segments(q), qd)
         self._qdd = qdd
         self._poses: tuple[list[ca.SX], list[ca.SX]] | None = None

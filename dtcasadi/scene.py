@@ -113,16 +113,14 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
 
     [measure] *                 what `dtcasadi bench stability` asks of a method (`Measure`)
     text                        the measure in a line for people
-    smallest_step * = 1e-4      [s]
-    bound_of *                  a shipped scene
+    smallest_step * = 1e-4 [s], bound_of * (a shipped scene)
 
-    [[sensors]] *, [estimation] *       what is measured and estimated: `dtcasadi.scene_sensors`
+    [[sensors]] *, [estimation] *, [control] *      `dtcasadi.scene_sensors`, `.scene_control`
 
 Where a list with a number for each segment or chamber is asked for, one number stands for all. The
 angle of a rim point runs from the thread counterclockwise as seen from +z (`presets.rim`).
 
-An error names a part by its number, as everywhere in the package: `robot.discs[4].mass` is disc 4,
-whichever table it comes from. Springs are numbered by their tables.
+An error names a part by its number: `robot.discs[4].mass` is disc 4, whichever table it comes from.
 """
 
 import difflib
@@ -138,6 +136,7 @@ import numpy as np
 from . import checks
 from .actuation import settled
 from .charts import charts_of, convert
+from .control import Control
 from .errors import SceneError
 from .estimation import Estimation
 from .measure import Measure
@@ -182,6 +181,7 @@ class Scene:
         beam: the tube or the rod that the robot was cut from; None: its discs were given.
         sensors: what is measured, values of `dtcasadi.sensors`.
         estimation: what a filter knows, and the truth it is to find.
+        control: what a controller is to do.
 
     Raises:
         SceneError: naming the field, what was expected and what was given.
@@ -206,6 +206,7 @@ class Scene:
     beam: Tube | Rod | None = None
     sensors: Sensors = ()
     estimation: Estimation | None = None
+    control: Control | None = None
 
     def __repr__(self) -> str:
         """Name and title on one line."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import checks
 from .errors import SceneError
+from .scene_control import read_control
 from .scene_obstacles import with_obstacles
 from .scene_robot import RobotPart, read_robot
 from .scene_sensors import read_estimation, read_sensors
@@ -58,6 +59,7 @@ def read_scene(data: bytes, source: str, name: str) -> dict[str, Any]:
     fields["measure"] = read_measure(_optional(top, "measure"))
     fields["sensors"] = read_sensors(top, robot.n_discs, robot.n_chambers)
     fields["estimation"] = read_estimation(top.table("estimation", default=None))
+    fields["control"] = read_control(top.table("control", default=None), robot.n_chambers)
     placed = with_obstacles(top, robot.robot)
     top.close()
     faults.check()

@@ -3,11 +3,13 @@
 Keys marked * may be left out.
 
     [[sensors]]                 what is measured; see `dtcasadi.sensors`
-    kind = "pressure" | "imu" | "marker" | "orientation" | "lengths"
+    kind = "pressure" | "imu" | "marker" | "orientation" | "bend" | "lengths" | "coordinates"
     name, period * [s], latency * [s], dropout *
     noise                       or gyroscope_noise [rad/s], accelerometer_noise [m/s^2] of an imu
-    disc                        of an imu, marker, orientation; marker: point *; imu: position *,
+    disc                        of an imu, marker, orientation, bend
+    point *, position *         of a marker; of an imu, with
                                 orientation * (angles as bend), biases * = true
+    numbers = [1, ...]          of coordinates
     discs = [[i, j], ...], start, end       of lengths: points on discs i and j
 
     [estimation]                fields of `dtcasadi.estimation.Estimation`, step in [s]
@@ -23,12 +25,19 @@ from .estimation import Estimation
 from .sampled import NAME_PATTERN, Sampled
 from .scene_robot import read_rotation
 from .scene_tables import Table, given
-from .scene_units import ANGLE, ANGLE_RATE, LENGTH, PRESSURE, TIME
-from .sensors import IMU, Lengths, Marker, Orientation, PressureSensor
+from .scene_units import ANGLE, ANGLE_RATE, LENGTH, MASS, PRESSURE, TIME
+from .sensors import IMU, Bend, Coordinates, Lengths, Marker, Orientation, PressureSensor
 
-KINDS = ("pressure", "imu", "marker", "orientation", "lengths")
+KINDS = ("pressure", "imu", "marker", "orientation", "bend", "lengths", "coordinates")
 MAX_SENSORS = 256
-_UNITS = {"pressure": PRESSURE, "marker": LENGTH, "orientation": ANGLE, "lengths": LENGTH}
+_UNITS = {
+    "pressure": PRESSURE,
+    "marker": LENGTH,
+    "orientation": ANGLE,
+    "bend": ANGLE,
+    "lengths": LENGTH,
+    "coordinates": ANGLE,
+}
 
 
 def read_sensors(top: Table, n_discs: int | None, n_chambers: int | None) -> tuple[Sampled, ...]:
@@ -63,14 +72,16 @@ def _read_sensor(part: Table, n_discs: int, n_chambers: int) -> Sampled | None:
         fields["noise"] = np.repeat([gyro, accelerometer], 3)
     elif kind:
         fields["noise"] = part.number("noise", _UNITS[kind], positive=True)
-    if kind in ("imu", "marker", "orientation"):
+    if kind in ("imu", "marker", "orientation", "bend"):
         fields["disc"] = part.integer("disc", 1, n_discs)
     make: Any = {
         "pressure": PressureSensor,
         "imu": IMU,
         "marker": Marker,
         "orientation": Orientation,
+        "bend": Bend,
         "lengths": Lengths,
+        "coordinates": Coordinates,
     }.get(kind)
     if kind == "marker":
         fields["point"] = part.array("point", (3,), LENGTH, default=None)
@@ -84,6 +95,9 @@ def _read_sensor(part: Table, n_discs: int, n_chambers: int) -> Sampled | None:
             fields["biases"] = found[0]
     elif kind == "pressure":
         fields["chambers"] = tuple(range(1, n_chambers + 1))
+    elif kind == "coordinates":
+        numbers = part.array("numbers", (None,))
+        fields["numbers"] = tuple(int(k) for k in numbers) if part.sound else ()
     elif kind == "lengths":
         discs = part.array("discs", (None, 2))
         ends = [part.array(key, (len(discs), 3), LENGTH) for key in ("start", "end")]
@@ -112,6 +126,7 @@ def read_estimation(table: Table | None) -> Estimation | None:
         "contact_to": ("contact_to", TIME),
         "offset": ("offset", ANGLE),
         "truth_hysteresis": ("truth_hysteresis", PRESSURE),
+        "truth_payload": ("truth_payload", MASS),
     }
     fields: dict[str, Any] = {
         name: table.number(key, unit, default=None, nonnegative=True)

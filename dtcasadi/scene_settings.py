@@ -79,10 +79,11 @@ def read_command(top: Table, n_chambers: int | None, actuator: Any) -> Profile |
     if n_chambers == 0:
         table.fault("", _NO_CHAMBERS, "one")
         return None
-    return _read_profile(table, n_chambers, PRESSURE if asked == "pressure" else PURE)
+    return read_profile(table, n_chambers, PRESSURE if asked == "pressure" else PURE)
 
 
-def _read_profile(table: Table, n_chambers: int | None, unit: Unit) -> Profile | None:
+def read_profile(table: Table, n_chambers: int | None, unit: Unit) -> Profile | None:
+    """Values against time from a table."""
     if not table.holds("times", TIME) and not table.holds("values", unit):
         value = table.row("value", n_chambers, unit)
         for key, each in (("times", TIME), ("values", unit)):

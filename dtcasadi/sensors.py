@@ -169,6 +169,58 @@ class Orientation(Sampled):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Bend(Sampled):
+    r"""How far a disc is turned from the root, about the root's x and y axes [rad].
+
+    .. math:: y_x = atan2(-z_2, z_3), \quad y_y = atan2(z_1, z_3)
+
+    With z the disc's axis in the root frame. In the plane of y and z the first is the sum of all
+    angles up to the disc, between -pi and pi.
+
+    Attributes:
+        disc: the disc.
+    """
+
+    disc: int
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """About x, about y."""
+        return (("x", "rad"), ("y", "rad"))
+
+    @property
+    def discs(self) -> tuple[int, ...]:
+        """Its disc."""
+        return (self.disc,)
+
+    def reading(self, seen: Seen) -> ca.SX:
+        """The angles."""
+        return seen.chain.asm.call(bend_of, seen.pose(self.disc)[0])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Coordinates(Sampled):
+    """Generalized coordinates themselves, in the chart and about the centres in force [rad].
+
+    Attributes:
+        numbers: which, from 1.
+    """
+
+    numbers: Sequence[int] = (1,)
+
+    @property
+    def channels(self) -> tuple[tuple[str, str], ...]:
+        """One for each."""
+        return tuple((f"q{k}", "rad") for k in self.numbers)
+
+    def reading(self, seen: Seen) -> ca.SX:
+        """The coordinates."""
+        for number in self.numbers:
+            checks.index("numbers", number, 1, seen.q.shape[0], error=self._refuse)
+        return ca.vertcat(*(seen.q[k - 1] for k in self.numbers))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Lengths(Sampled):
     """Distances between points on discs [m]: string potentiometers, springs.
 
@@ -221,6 +273,11 @@ def felt_by_chip(C: ca.SX, position: ca.SX, w: ca.SX, alpha: ca.SX, a: ca.SX) ->
 def place_of(R: ca.SX, r: ca.SX, point: ca.SX) -> ca.SX:
     """A disc's point in the root frame, shape (3, 1)."""
     return r + ca.mtimes(R, point)
+
+
+def bend_of(R: ca.SX) -> ca.SX:
+    """Angles of a disc's axis about x and y, shape (2, 1)."""
+    return ca.vertcat(ca.atan2(-R[1, 2], R[2, 2]), ca.atan2(R[0, 2], R[2, 2]))
 
 
 def distance_of(R1: ca.SX, r1: ca.SX, point1: ca.SX, R2: ca.SX, r2: ca.SX, point2: ca.SX) -> ca.SX:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dtcasadi import recording
-from dtcasadi.actuators import Hysteresis, actuator_of
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.errors import EstimationError
 from dtcasadi.logs import Log
 from dtcasadi.scene import Scene
+from dtcasadi.truth import truth_scene
 
 from .scenario import contact_disc, settings
 
@@ -38,27 +38,6 @@ class Truth:
     theta: np.ndarray
     u: np.ndarray
     force: np.ndarray
-
-
-def truth_scene(scene: Scene) -> Scene:
-    """The scene with the robot as it really is: see the fields `truth_...` of `Estimation`.
-
-    Raises:
-        SceneError: it cannot be cut into other discs.
-    """
-    choice = settings(scene)
-    if choice.truth_discs:
-        share = ((choice.disc or scene.robot.n_discs) - 1) / (scene.robot.n_discs - 1)
-        scene = scene.rediscretised(choice.truth_discs)
-        scene = replace(
-            scene, estimation=replace(choice, disc=1 + round(share * (choice.truth_discs - 1)))
-        )
-    robot, options = scene.robot, dict(scene.options)
-    stiffer = (replace(s, stiffness=choice.truth_stiffness * s.stiffness) for s in robot.springs)
-    if choice.truth_hysteresis:
-        source = actuator_of(options.get("actuator", "direct"))
-        options["actuator"] = Hysteresis(source, amplitude=choice.truth_hysteresis)
-    return replace(scene, robot=replace(robot, springs=tuple(stiffer)), options=options)
 
 
 def moved(scene: Scene, t_end: float | None = None) -> Truth:

@@ -121,7 +121,8 @@ class StaticControl:
         """The command that holds the present reference, shape (n_u,) [Pa]."""
         s = self.stages
         x = np.asarray(estimate.x)
-        return self._aim(rows[0], s.discrete.theta0, x, self.command).u
+        self._target = self._aim(rows[0], s.discrete.theta0, x, self.command)
+        return self._target.u
 
     def step(self, estimate: Any, *, reference: Any = None) -> tuple[np.ndarray, Said]:
         """The next command, as `FullMPC.step`."""
@@ -141,7 +142,7 @@ class PIControl(StaticControl):
 
     .. math:: u = u_s(y^{ref}) + S (k_p e + k_i \int e \, dt), \quad e = y^{ref} - y(\hat x)
 
-    S is the slope of u against y at equilibria of the model. The integral stands still while a
+    S is the slope of u against y at the model's equilibrium. The integral stands still while a
     command is at a limit (Astrom and Hagglund, Advanced PID Control, section 3.5).
 
     Attributes:
@@ -149,38 +150,22 @@ class PIControl(StaticControl):
         k_i: share of it made in a second [1/s].
     """
 
-    def __init__(self, stages: Stages, u0: np.ndarray, *, k_p: float = 0.2, k_i: float = 1.0):
+    def __init__(self, stages: Stages, u0: np.ndarray, *, k_p: float = 0.2, k_i: float = 0.8):
         """Take a problem, the command in force and the gains."""
         super().__init__(stages, u0)
         self.k_p, self.k_i = k_p, k_i
         self._sum = np.zeros(len(stages.channels))
-        self._slope: np.ndarray | None = None
 
     def step(self, estimate: Any, *, reference: Any = None) -> tuple[np.ndarray, Said]:
         """The next command, as `FullMPC.step`."""
         s = self.stages
         rows = s.references(0.0) if reference is None else np.asarray(reference)
         u_s = self.wanted(estimate, rows)
-        if self._slope is None:
-            self._slope = self._statics(estimate, rows)
+        slope = np.linalg.pinv(self._target.slope)
         theta = np.asarray(estimate.theta)
         e = -np.array(s.residual(np.asarray(estimate.x), theta, rows[0])).ravel()
-        u, said = self._given(u_s + self._slope @ (self.k_p * e + self._sum), "PI, inverse statics")
+        u, said = self._given(u_s + slope @ (self.k_p * e + self._sum), "PI, inverse statics")
         held = (u >= s.upper[0]) | (u <= s.lower[0])
         if not np.any(held):
             self._sum += self.k_i * s.discrete.step_s * e
         return u, said
-
-    def _statics(self, estimate: Any, rows: np.ndarray) -> np.ndarray:
-        """Slope of the holding command against the reference, by differences."""
-        s = self.stages
-        theta, n = s.discrete.theta0, len(s.channels)
-        find = TargetCalculator(s)
-        at = find(rows[0], theta, np.asarray(estimate.x), self.command)
-        span = np.ptp(s.references(0.0), axis=0).max(initial=0.0)
-        size = 1e-3 * max(span, 1e-2 * np.max(np.abs(rows[0]), initial=0.0), 1e-3)
-        columns = [
-            (find(rows[0] + size * np.eye(n)[k], theta, at.x, at.u).u - at.u) / size
-            for k in range(n)
-        ]
-        return np.array(columns).T

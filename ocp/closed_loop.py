@@ -242,10 +242,15 @@ class _Run:
                 if self._estimator is not None:
                     est = self._estimator.predict(est, u)
         parts = list(zip(*rows, strict=True))
-        arrays = [np.array(part) for part in parts[:6]]
+        times, y, reference, u_all, x_all, theta_all = (np.array(part) for part in parts[:6])
         return Loop(
             self._stages,
-            *arrays,
+            t=times,
+            y=y,
+            reference=reference,
+            u=u_all,
+            x=x_all,
+            theta=theta_all,
             estimate=parts[6],
             told=parts[7],
             seconds=np.array(parts[8]),

@@ -22,7 +22,7 @@ _MOST = 200
 
 
 def _quiet(**options: Any) -> dict[str, Any]:
-    return {"print_time": False, **options}
+    return {"print_time": False, "show_eval_warnings": False, **options}
 
 
 def _ipopt(_: Structure | None, most: int) -> dict[str, Any]:

@@ -56,6 +56,7 @@ class Target:
         u: commands that hold it, shape (n_u,) [Pa].
         distance: y - reference of each tracked channel, in its unit, shape (n_r,).
         cost: the weighted square of it.
+        slope: derivative of the outputs for the commands along equilibria, shape (n_r, n_u).
         residual: largest |f(x, u) - x| over its scale.
         stable: whether all eigenvalues of the step are inside the unit circle.
         iterations: linearizations.
@@ -66,6 +67,7 @@ class Target:
     u: np.ndarray
     distance: np.ndarray
     cost: float
+    slope: np.ndarray
     residual: float
     stable: bool
     iterations: int
@@ -196,7 +198,8 @@ class TargetCalculator:
         with np.errstate(all="ignore"):
             finite = np.all(np.isfinite(at.F_x))
             stable = bool(finite and np.max(np.abs(np.linalg.eigvals(at.F_x))) < 1)
-        return Target(at.x, at.u, at.r, at.cost, at.residual, stable, count, status)
+        slope = at.R_x @ at.solve(at.F_u) if finite else np.zeros((len(at.r), len(at.u)))
+        return Target(at.x, at.u, at.r, at.cost, slope, at.residual, stable, count, status)
 
 
 class _Point:
@@ -228,7 +231,7 @@ class _Point:
             # The distance counts where an equilibrium would be reached by the linearized step.
             self.merit = float("inf")
             if self.good:
-                self.to_rest = self._solve(self.gap)
+                self.to_rest = self.solve(self.gap)
                 ahead = self.r + self.R_x @ self.to_rest
                 self.cost_ahead = float(np.sum((owner._root * ahead) ** 2))
                 size = float(np.max(np.abs(self.to_rest) / (1 + np.abs(x)), initial=0.0))
@@ -240,7 +243,7 @@ class _Point:
         owner = self.owner
         lower, upper = owner._limits
         span = owner._span
-        slope = self._solve(self.F_u)
+        slope = self.solve(self.F_u)
         A = owner._root[:, None] * (self.R_x @ slope) * span
         b = -owner._root * (self.r + self.R_x @ self.to_rest)
         scale = max(float(np.max(np.abs(A), initial=0.0)), 1e-30)
@@ -255,7 +258,7 @@ class _Point:
         du = np.clip(du, *bounds) * span
         return self.to_rest + slope @ du, du
 
-    def _solve(self, rhs: np.ndarray) -> np.ndarray:
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
         """(1 - F_x)^-1 rhs; where an equilibrium is not isolated, the shortest solution."""
         matrix = np.eye(len(self.x)) - self.F_x
         try:

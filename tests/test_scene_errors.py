@@ -133,7 +133,7 @@ length = 1 -> length = 1\nbend_deg = [1, true, 0]
     pressure: expected no pressure for a robot without chambers, got one
 + [sensor]
     sensor: expected one of schema, name, title, robot, model, initial, pressure, opening,
-    run, measure, sensors, estimation, obstacle (did you mean sensors?), got an unknown key
+    run, measure, sensors, estimation, control, obstacle (did you mean sensors?), got an unknown key
 
 t_end = 3 -> t_end = 0
     run.t_end: expected a finite positive number, got 0
