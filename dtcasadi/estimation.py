@@ -30,6 +30,7 @@ class Estimation:
         contact_from: when it starts [s].
         contact_to: when it ends [s].
         gate: chance that a good measurement is refused; None: no gate.
+        caution: how often the EKF raises the noise by what its linearization leaves out.
         seed: of the noise.
         truth_discs: number of discs of the robot that really moves; default: the model's.
         truth_stiffness: how many times stiffer its springs are than the model's.
@@ -38,7 +39,7 @@ class Estimation:
     """
 
     step_s: float = 0.005
-    method: str = "sdirk2"
+    method: str = "ros2"
     angle_sigma: float = 0.1
     rate_sigma: float = 0.1
     pressure_sigma: float = 1.0
@@ -52,6 +53,7 @@ class Estimation:
     contact_from: float = 0.0
     contact_to: float = 0.0
     gate: float | None = None
+    caution: int = 0
     seed: int = 0
     truth_discs: int | None = None
     truth_stiffness: float = 1.0

@@ -137,7 +137,7 @@ def read_estimation(table: Table | None) -> Estimation | None:
     for name in ("force_noise", "rate_noise", "gate", "truth_stiffness"):
         fields[name] = table.number(name, default=None, nonnegative=True)
     fields["contact_force"] = table.array("contact_force", (3,), default=None)
-    for name, most in (("disc", 4096), ("seed", 2**31), ("truth_discs", 4096)):
+    for name, most in (("disc", 4096), ("seed", 2**31), ("caution", 20), ("truth_discs", 4096)):
         fields[name] = table.integer(name, 0, most, default=-1)
         fields[name] = None if fields[name] < 0 else fields[name]
     fields["method"] = table.text(

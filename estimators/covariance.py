@@ -57,7 +57,7 @@ class Updated(NamedTuple):
 
 
 def updated(
-    z: ca.MX, P: ca.MX, e: ca.MX, H: ca.MX, R: np.ndarray, limits: np.ndarray, *, native: bool
+    z: ca.MX, P: ca.MX, e: ca.MX, H: ca.MX, R: ca.MX, limits: np.ndarray, *, native: bool
 ) -> Updated:
     r"""Kalman's update of z (n,) and P (n, n) by the innovation e = y - h(z), H (m, n).
 
@@ -83,19 +83,19 @@ def updated(
         kernel = native_function(
             "covariance_update", tuple(ports), tuple(results), ports | results, N=n, M=m
         )
-        given = (z, P, e, H, ca.DM(R), ca.DM(limits))
+        given = (z, P, e, H, R, ca.DM(limits))
         z_next, P_next, back = kernel(*(ca.densify(part) for part in given))
         return Updated(z_next, P_next, *ca.vertsplit(back))
     return _joseph(z, P, e, H, R, limits)
 
 
-def _joseph(z: ca.MX, P: ca.MX, e: ca.MX, H: ca.MX, R: np.ndarray, limits: np.ndarray) -> Updated:
+def _joseph(z: ca.MX, P: ca.MX, e: ca.MX, H: ca.MX, R: ca.MX, limits: np.ndarray) -> Updated:
     """The update with a reading that is not finite replaced by one that tells nothing."""
     m, n = H.shape
     finite = ca.fabs(e) <= _HUGE  # CasADi takes e == e for granted
     e = ca.if_else(finite, e, 0)
     H = ca.mtimes(ca.diag(finite), ca.densify(H))
-    R = ca.DM(R) * ca.mtimes(finite, finite.T) + ca.diag(1 - finite)
+    R = R * ca.mtimes(finite, finite.T) + ca.diag(1 - finite)
     S = ca.mtimes(ca.mtimes(H, P), H.T) + R
     solution = ca.solve(ca.densify(S), ca.densify(ca.horzcat(ca.mtimes(H, P), e)), "ldl")
     K, nis = solution[:, :n].T, ca.dot(e, solution[:, n])

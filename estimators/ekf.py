@@ -16,10 +16,7 @@ from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by, widened
 from .base import Estimate, ProcessNoise, refusal
-from .steps import Pair, Setting, correction, prediction
-
-# Without a gate every update is believed; a number, so that C can compare with it.
-_NO_LIMIT = 1e300
+from .steps import NO_LIMIT, Pair, Setting, Update, correction, prediction
 
 
 class EKF:
@@ -47,6 +44,7 @@ class EKF:
         augment: Sequence[str] = (),
         gate: float | None = None,
         iterations: int = 1,
+        caution: int = 0,
         theta: np.ndarray | None = None,
     ):
         """Check, and build what predicts.
@@ -62,6 +60,11 @@ class EKF:
             gate: chance that a good measurement is refused as an outlier, for example 1e-4; None:
                 every one is believed.
             iterations: linearizations in an update; more than 1 is the iterated filter.
+            caution: how often the noise of a measurement is raised by the square of what its
+                linearization leaves out, h(z + dz) - h(z) - H dz, and the update done again; 2 or
+                3 where the start may be far off and sensors are precise. Near the truth nothing is
+                left out and nothing raised. Second-order filters estimate the same term from second
+                derivatives (Simon, section 13.3.1).
             theta: parameters, the estimated ones at their first guess, shape (n_theta,); default:
                 the model's own.
 
@@ -77,11 +80,12 @@ class EKF:
             P=widened("P0", P0, layout),
             theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
         )
-        self._limit = _NO_LIMIT if gate is None else checks.number("gate", gate, error=refusal)
+        self._limit = NO_LIMIT if gate is None else checks.number("gate", gate, error=refusal)
         if gate is not None and not 0 < self._limit < 1:
             raise refusal("gate", "a chance between 0 and 1", gate)
         self._gated = gate is not None
         self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
+        self._caution = checks.index("caution", caution, 0, 20, error=refusal)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
         self._setting = Setting(discrete, layout.free, Q, *pushed_by(discrete, noise))
         self._predict = prediction(self._setting)
@@ -160,11 +164,12 @@ class EKF:
     def _correction(self, names: tuple[str, ...]) -> Pair:
         if names not in self._pairs:
             sensor = self.discrete.together(names)
-            limits = np.full(sensor.n_y + 1, _NO_LIMIT)
+            limits = np.full(sensor.n_y + 1, NO_LIMIT)
             if self._gated:
                 limits[1:] = chi2.isf(self._limit, np.arange(1, sensor.n_y + 1))
-            what = (limits, self._iterations, f"update_{'_'.join(names)}")
-            self._pairs[names] = correction(self._setting, sensor, *what)
+            how = Update(limits, self._iterations, self._caution)
+            name = f"update_{'_'.join(names)}"
+            self._pairs[names] = correction(self._setting, sensor, how, name)
         return self._pairs[names]
 
     def _compiled(self, key: Any, pair: Pair) -> Bound:

@@ -51,7 +51,7 @@ class OperatingPoints:
         if np.any(np.diff(self.places) <= 0):
             raise refusal("points.commands", "commands that go one way along a line", "others")
         line = commands[0] + self.places[:, np.newaxis] * (commands[-1] - commands[0])
-        if np.max(np.abs(commands - line)) > _SPREAD * max(1.0, float(np.max(np.abs(commands)))):
+        if np.any(np.abs(commands - line) > _SPREAD * np.maximum(1.0, np.abs(commands))):
             raise refusal("points.commands", "commands on a straight line", "others")
 
     @property

@@ -16,7 +16,7 @@ from dtcasadi.sensors import PressureSensor
 from .ekf import EKF
 from .operating import operating_points
 from .runner import Filter, Track, track
-from .scenario import discrete_of, knowledge
+from .scenario import discrete_of, knowledge, settings
 from .spv import SPV
 
 # Share of the range of pressures that leads from one branch of hysteresis half way to the other;
@@ -50,6 +50,7 @@ def _ekf(scene: Scene, discrete: DiscreteModel) -> EKF:
         Q_w=known.Q_w,
         augment=known.augment,
         gate=known.gate,
+        caution=settings(scene).caution,
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 import casadi as ca
 import numpy as np
 
-from dtcasadi.bound import Bound
+from dtcasadi.compile import bind
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.scene import Scene
 from dtcasadi.sensors import Marker
@@ -66,7 +66,7 @@ class Tip:
 
     def places(self, discrete: DiscreteModel, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """The tip in the root frame at each row of x and theta, shape (n, 3) [m]."""
-        slope = Bound(self.slope(discrete))
+        slope = bind(self.slope(discrete))
         return np.array([slope(*row)[0] for row in zip(x, theta, strict=True)])
 
     def slope(self, discrete: DiscreteModel) -> ca.Function:
@@ -81,7 +81,7 @@ class Tip:
 def result_of(title: str, tip: Tip, discrete: DiscreteModel, found: Track) -> Result:
     """Where the tip is and what pushes, with standard deviations."""
     n_x, block = len(discrete.state_names), discrete.theta_blocks["wrench"]
-    slope, tips, sigmas = Bound(tip.slope(discrete)), [], []
+    slope, tips, sigmas = bind(tip.slope(discrete)), [], []
     for est in found.estimates:
         place, J = slope(est.x, est.theta)
         tips.append(place)

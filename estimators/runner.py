@@ -130,10 +130,30 @@ class Runner:
         return self._taken(est, self._now, self._u)
 
     def _taken(self, est: Estimate, step: int, u: np.ndarray) -> Estimate:
-        for sample in self._waiting:
-            if sample.step == step:
-                est = self._filter.update(est, sample.y, sample.sensor, u)
+        """All samples of an instant; those of different sensors are read together."""
+        waiting = [sample for sample in self._waiting if sample.step == step]
+        while waiting:
+            now: dict[str, np.ndarray] = {}
+            later = []
+            for sample in waiting:
+                if sample.sensor in now:
+                    later.append(sample)
+                else:
+                    now[sample.sensor] = sample.y
+            est = self._read(est, now, u)
+            waiting = later
         return est
+
+    def _read(self, est: Estimate, now: Mapping[str, np.ndarray], u: np.ndarray) -> Estimate:
+        if len(now) == 1:
+            ((name, y),) = now.items()
+            return self._filter.update(est, y, name, u)
+        # Always the same sensors, or each combination would be compiled.
+        sensors = self._filter.discrete.sensors
+        absent = sum(sensors[name].n_y for name in sensors if name not in now)
+        y = np.concatenate([now.get(n, np.full(s.n_y, np.nan)) for n, s in sensors.items()])
+        est = self._filter.update(est, y, tuple(sensors), u)
+        return est.replaced(skipped=est.skipped - absent)
 
     def _step_of(self, t: float) -> int:
         if not np.isfinite(t) or abs(t - self._t_start) > _MOST_STEPS * self._h:

@@ -40,9 +40,8 @@ from .augmented import layout_of, noise_of, pushed_by
 from .base import Estimate, ProcessNoise, refusal
 from .operating import OperatingPoints
 from .scheduled import Tables, correction, covariance, prediction
+from .steps import NO_LIMIT
 from .subsystems import Linearizer
-
-_NO_LIMIT = 1e300
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +216,7 @@ class SPV:
     def _correction(self, name: str) -> Any:
         if name not in self._functions:
             sensor = _sensor(self.discrete, name)
-            limits = np.full(len(sensor.channels) + 1, _NO_LIMIT)
+            limits = np.full(len(sensor.channels) + 1, NO_LIMIT)
             if self._limit is not None:
                 limits[1:] = chi2.isf(self._limit, np.arange(1, len(limits)))
             self._functions[name] = correction(self._tables, name, limits)

@@ -12,6 +12,9 @@ from dtcasadi.waist import Discrete
 from .covariance import predicted, updated
 
 OPTIONS = {"cse": True}
+# Without a gate every update is believed; a number, so that C can compare with it.
+NO_LIMIT = 1e300
+_MOST_NOISE = 1e30
 
 
 class Pair(NamedTuple):
@@ -81,54 +84,74 @@ def _prediction(s: Setting, *, native: bool) -> ca.Function:
     return ca.Function("predict", [x, P, u, theta], [*ports.values()], names, [*ports], OPTIONS)
 
 
-def correction(s: Setting, sensor: Sensor, limits: np.ndarray, iterations: int, name: str) -> Pair:
+class Update(NamedTuple):
+    """How an update is done.
+
+    Attributes:
+        limits: largest nis believed by number of finite readings, shape (n_y + 1,).
+        iterations: how often the readings are linearized: 1, or more for the iterated filter
+            (Bell and Cathey 1993: Gauss-Newton on the posterior).
+        caution: how often the noise is raised by what the linearization leaves out.
+    """
+
+    limits: np.ndarray
+    iterations: int = 1
+    caution: int = 0
+
+
+def correction(s: Setting, sensor: Sensor, how: Update, name: str) -> Pair:
     """Functions update: x, P, u, theta, y -> x_next, P_next, theta_next, nis, used, believed.
 
     Args:
         s: what is estimated.
         sensor: what is measured.
-        limits: largest nis believed by number of finite readings, shape (n_y + 1,).
-        iterations: how often the readings are linearized: 1, or more for the iterated filter
-            (Bell and Cathey 1993: Gauss-Newton on the posterior).
+        how: iterations and the like.
         name: of the Functions.
     """
-    return Pair(
-        *(
-            _correction(s, sensor, limits, iterations, name, native=native)
-            for native in (False, True)
-        )
-    )
+    return Pair(*(_correction(s, sensor, how, name, native=native) for native in (False, True)))
 
 
-def _correction(
-    s: Setting, sensor: Sensor, limits: np.ndarray, iterations: int, name: str, *, native: bool
-) -> ca.Function:
+def _correction(s: Setting, sensor: Sensor, how: Update, name: str, *, native: bool) -> ca.Function:
     x, P, u, theta = s.ports()
     y = ca.MX.sym("y", sensor.n_y)
     free = list(s.free)
     z = ca.vertcat(x, theta[free])
-    at, parameters, first = z, theta, None
-    for _ in range(iterations):
+    R = ca.MX(ca.DM(sensor.R_v))
+
+    def parameters(at: ca.MX) -> ca.MX:
+        found = ca.MX(theta)
+        if free:
+            found[free] = at[s.n_x :]
+        return found
+
+    def linearized(at: ca.MX) -> tuple[ca.MX, ca.MX]:
         function = sensor.native if native else sensor.linearize
-        h, H_x, H_theta = function.call([at[: s.n_x], u, parameters], True, False)
-        H = ca.horzcat(H_x, H_theta[:, free])
-        e = y - h - ca.mtimes(H, z - at)
-        found = updated(z, P, e, H, sensor.R_v, limits, native=native)
-        # Belief is settled by the readings as predicted.
-        first = found if first is None else first
+        h, H_x, H_theta = function.call([at[: s.n_x], u, parameters(at)], True, False)
+        return h, ca.horzcat(H_x, H_theta[:, free])
+
+    h, H = linearized(z)
+    first = found = updated(z, P, y - h, H, R, how.limits, native=native)
+    # Belief is settled by the readings as predicted, with the noise they have.
+    believed, unlimited = first.believed, np.full_like(how.limits, NO_LIMIT)
+    raised = ca.MX(sensor.n_y, 1)
+    for _ in range(how.caution):
+        output = sensor.output.call([found.z[: s.n_x], u, parameters(found.z)], True, False)[0]
+        left_out = (output - h - ca.mtimes(H, found.z - z)) ** 2
+        # What is not finite tells nothing: as much noise as a number can stand.
+        left_out = ca.if_else(left_out <= _MOST_NOISE, left_out, _MOST_NOISE)
+        raised = ca.fmax(raised, left_out)
+        found = updated(z, P, y - h, H, R + ca.diag(raised), unlimited, native=native)
+    for _ in range(how.iterations - 1):
         at = found.z
-        parameters = ca.MX(theta)
-        if free:
-            parameters[free] = at[s.n_x :]
-    assert first is not None
-    P_next = found.P
-    if iterations > 1:
-        kept = first.believed * found.believed
-        at, P_next = ca.if_else(kept, at, z), ca.if_else(kept, P_next, P)
-        if free:
-            parameters[free] = at[s.n_x :]
-    outputs = {"x_next": at[: s.n_x], "P_next": P_next, "theta_next": parameters}
-    outputs |= {"nis": first.nis, "used": first.used, "believed": first.believed}
+        h, H = linearized(at)
+        e = y - h - ca.mtimes(H, z - at)
+        found = updated(z, P, e, H, R + ca.diag(raised), how.limits, native=native)
+        believed = believed * found.believed
+    at, P_next = found.z, found.P
+    if found is not first:
+        at, P_next = ca.if_else(believed, at, z), ca.if_else(believed, P_next, P)
+    outputs = {"x_next": at[: s.n_x], "P_next": P_next, "theta_next": parameters(at)}
+    outputs |= {"nis": first.nis, "used": first.used, "believed": believed}
     ports = {"x": x, "P": P, "u": u, "theta": theta, "y": y}
     values = [ca.densify(value) for value in outputs.values()]
     return ca.Function(name, [*ports.values()], values, [*ports], [*outputs], OPTIONS)

@@ -1,0 +1,90 @@
+"""What the filter has to do in the scene `estimation/tentacle`, in the plane and in space."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dtcasadi as dtc
+from dtcasadi.scene import Scene
+from estimators.registry import ESTIMATORS
+from estimators.report import Result, Tip, result_of, tip_errors
+from estimators.scenario import discrete_of
+from estimators.truth import moved, recorded
+
+# Three of the slowest time constants, 1 / 0.39 s at rest under 3 kPa, after the pressure is there.
+SETTLED, WINDOW = 1.5 + 3 / 0.39, 1.0
+SPACE = pytest.param("cardan", marks=pytest.mark.slow)
+
+
+@cache
+def scene_of(chart: str) -> Scene:
+    scene = dtc.load_scene("estimation/tentacle")
+    assert scene.estimation is not None
+    # In the plane a force sideways moves nothing.
+    sides: dict[str, Any] = {
+        "force_sigma": [0, 0.05, 0],
+        "force_walk": [0, 0.2, 0],
+        "contact_force": [0, 0.1, 0],
+    }
+    changes = sides if chart == "planar" else {}
+    return replace(scene, options={"chart": chart}, estimation=replace(scene.estimation, **changes))
+
+
+@cache
+def discrete_in(chart: str):
+    return discrete_of(scene_of(chart))
+
+
+def run(chart: str, t_end: float, **changes: Any) -> tuple[Result, np.ndarray]:
+    scene = scene_of(chart)
+    assert scene.estimation is not None
+    scene = replace(scene, estimation=replace(scene.estimation, **changes))
+    truth = moved(scene, t_end)
+    discrete, ekf = discrete_in(chart), ESTIMATORS["ekf"]
+    found = ekf.run(ekf.build(scene, discrete), recorded(scene, truth))
+    result = result_of(ekf.title, Tip.of(scene), discrete, found)
+    return result, tip_errors(result, Tip.of(scene), truth)
+
+
+@pytest.mark.parametrize("chart", ["planar", SPACE])
+def test_it_finds_the_pose_from_far_off(chart):
+    quiet = {"contact_force": np.zeros(3)}
+    result, error = run(chart, SETTLED + WINDOW, offset=0.3, angle_sigma=0.3, **quiet)
+    _, steady = run(chart, SETTLED + WINDOW, offset=0.0, **quiet)
+    late = result.track.t >= SETTLED
+    rms = [float(np.sqrt(np.mean(e[late] ** 2))) for e in (error, steady)]
+    assert error[0] > 0.2 and rms[0] <= 2 * rms[1] < 0.004
+    assert result.track.last.failed == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chart", ["planar", "cardan"])
+def test_at_constant_pressure_no_bias_is_left(chart):
+    result, _ = run(chart, SETTLED + 4 * WINDOW, contact_force=np.zeros(3))
+    late = result.track.t >= SETTLED
+    force = result.force[late]
+    # Errors of a random walk's filter are correlated over some tenths of a second: 4 s hold some
+    # ten independent ones, whose mean has a third of their deviation.
+    sigma = np.sqrt(np.mean(result.force_sigma[late] ** 2, axis=0))
+    assert np.all(np.abs(force.mean(axis=0)) <= sigma + 1e-12)
+    assert np.all(np.abs(force.mean(axis=0)) < 2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chart", ["planar", "cardan"])
+def test_a_push_of_twenty_sigma_is_found_and_forgotten(chart):
+    quiet, _ = run(chart, 1.0, contact_force=np.zeros(3))
+    sigma = quiet.force_sigma[-1, 1]
+    push = np.array([0, 20 * sigma, 0])
+    forces = []
+    for seed in range(4):
+        result, _ = run(chart, 4.0, contact_force=push, seed=seed)
+        forces.append(result.force[:, 1])
+    t, mean = result.track.t, np.mean(forces, axis=0)
+    # Four runs and a tenth of a second: the noise of a single instant, 5 % itself, is averaged.
+    for start, stop, expected in ((2.5, 2.6, push[1]), (3.5, 3.6, 0.0)):
+        found = mean[(t >= start) & (t < stop)].mean()
+        assert abs(found - expected) <= 0.05 * push[1]
