@@ -17,9 +17,13 @@ from .linear import native_function
 # Bounds and prices from here on are none.
 NONE = 1e30
 # Iterations of the interior-point twin; each gains about a digit.
-_TWIN = 45
+_TWIN = 60
 # Mean product of slack and multiplier at which the twin stops moving.
-_CONVERGED = 1e-16
+_CONVERGED = 1e-15
+# Slacks no smaller than this, or the step's equations lose all digits.
+_NEAR = 1e-12
+# Mean product at which its solution counts as one.
+_SOLVED = 1e-10
 
 
 class Rows(NamedTuple):
@@ -137,7 +141,9 @@ def _interior(
     beyond = held * soft * (s > 1e-9)
     active = held[:half] + beyond[:half] - held[half:] - beyond[half:]
     finite = ca.sumsqr(found) <= NONE**2
-    status = ca.if_else(finite, ca.if_else(violated < 1e-7, 0, 2), 3)
+    gap = ca.dot(multipliers, t) / ca.fmax(ca.sum1(on), 1)
+    unsolved = ca.if_else(violated < 1e-7, gap > _SOLVED, 2)
+    status = ca.if_else(finite, unsolved, 3)
     z = ca.if_else(finite, z, 0)
     return Solved(z, side, active, status, ca.MX(iterations), violated)
 
@@ -196,13 +202,14 @@ def _iteration(
     ahead = ca.dot(on * (lam + alpha * dl), t + alpha * dt)
     ahead = ahead + ca.dot(priced * (r + alpha * dr), s + alpha * ds)
     centre = gap * ca.fmax(ca.fmin(1, ahead / ca.fmax(pairs * gap, 1e-300)) ** 3, 0.01)
-    floor = ca.fmax(centre, 1e-18)
+    floor = ca.fmax(centre, 1e-16)
     going = gap > _CONVERGED
     second = moved(floor - lam * t - dl * dt, floor - r * s - dr * ds)
     alpha = going * longest(second)
     dz, dt, dl, ds, dr = second
+    changed = ((t, dt, on, _NEAR), (lam, dl, on, 0), (s, ds, priced, _NEAR), (r, dr, priced, 0))
     keep = [
-        ca.if_else(counts, ca.fmax(value + alpha * change, 1e-14), 1)
-        for value, change, counts in ((t, dt, on), (lam, dl, on), (s, ds, priced), (r, dr, priced))
+        ca.if_else(counts, ca.fmax(value + alpha * change, least + 1e-18), 1)
+        for value, change, counts, least in changed
     ]
     return ca.vertcat(z + alpha * dz, *keep)
