@@ -81,13 +81,27 @@ def experiment(
     Raises:
         SimulationError: the motion does not reach its end.
     """
+    changed = dict(values or {})
+    model = scene.build(**{**options, "parameters": tuple(changed)})
+    discrete = model.discrete(step_s, sensors=scene.sensors)
+    return experiment_of(scene, discrete, t_end=t_end, values=changed, seed=seed)
+
+
+def experiment_of(
+    scene: Scene,
+    discrete: DiscreteModel,
+    *,
+    t_end: float | None = None,
+    values: Mapping[str, float] | None = None,
+    seed: int = 0,
+) -> Log:
+    """`experiment` with a model of the scene that has the paths free."""
     from .errors import SimulationError
     from .simulate import simulate
 
-    changed = dict(values or {})
-    model = scene.build(**{**options, "parameters": tuple(changed)})
+    model, step_s = discrete.model, discrete.step_s
     theta = model.theta0.copy()
-    for path, value in changed.items():
+    for path, value in (values or {}).items():
         theta[model.theta_blocks[path]] = value
     n = round((scene.t_end if t_end is None else t_end) / step_s)
     t = np.array([float(f"{k * step_s:.12g}") for k in range(n + 1)])
@@ -103,7 +117,6 @@ def experiment(
     if not run.success:
         raise SimulationError(f"{scene.name}: {run.message}")
     at = run.at(t)
-    discrete = model.discrete(step_s, sensors=scene.sensors)
     biases = np.zeros((n + 1, len(discrete.theta0) - len(model.theta0)))
     thetas = np.hstack([at.thetas.T, biases])
     return recorded(discrete, t, at.x.T, at.u.T, thetas, seed=seed, source=scene.name)

@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--begin", choices=("data", "simulation"), default="data")
     parser.add_argument("--level", metavar="P", type=float, default=0.95, help="of the intervals")
     parser.add_argument("--chart", metavar="NAME", help="coordinates instead of the scene's")
+    parser.add_argument("--png", metavar="F", help="draw fit, residuals and intervals")
     parser.add_argument("-o", "--output", metavar="F", help="write the numbers as .npz")
 
 
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     from ..scene import load_scene
 
     scene = load_scene(options.scene)
-    for target in (options.output,):
+    for target in (options.output, options.png):
         if target:
             check_target(Path(target))
     settings: dict[str, Any] = {
@@ -92,6 +93,11 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     _lines("notes", [f"  {note}" for note in found.notes])
     if options.output:
         report.wrote(found.save(options.output))
+    if options.png:
+        from ..identify.plots import picture
+
+        picture(found, options.png)
+        report.wrote(Path(options.png))
     report.list_files()
     return None if found.success else FAILED
 

@@ -22,6 +22,7 @@ from .problem import Problem, build, node_steps, wanted_of
 from .result import Identified
 from .settings import Settings, refusal
 from .solve import solve
+from .suspicions import check_units, with_step_error
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -109,9 +110,10 @@ def identify(
     known = {"start": start, "bounds": bounds, "priors": priors}
     problem = build(discrete, given, names, **known, settings=settings, spread=spread)
     problem, later = _shortened(problem, share) if share else (problem, ())
+    check_units(problem)
     problem = replace(problem, build_s=time.perf_counter() - began)
     held_out = [gridded(each, wanted_of(discrete, problem.sensors)) for each in others]
-    return solve(problem, held_out=held_out, later=later, progress=progress)
+    return with_step_error(solve(problem, held_out=held_out, later=later, progress=progress))
 
 
 def discrete_of(

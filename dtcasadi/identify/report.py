@@ -106,6 +106,7 @@ def record(found: Identified) -> dict[str, Any]:
         "iterations": found.iterations,
         "cost": found.cost,
         "x0": list(found.x0),
+        "step_error": found.step_error,
         "notes": list(found.notes),
         "build_s": found.build_s,
         "solve_s": found.solve_s,

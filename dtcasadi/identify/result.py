@@ -86,6 +86,7 @@ class Identified:
         fits: readings and model of each experiment.
         notes: what was noticed in the logs and on the way, a sentence each.
         problem: what was solved.
+        step_error: error of the model's steps over the noise, of the worst channel; NaN: unknown.
         build_s: time to build and compile [s].
         solve_s: time to solve [s].
     """
@@ -113,6 +114,7 @@ class Identified:
     problem: Problem
     build_s: float
     solve_s: float
+    step_error: float = np.nan
 
     @property
     def success(self) -> bool:

@@ -19,7 +19,7 @@ from .result import Fit, Identified, Validation
 from .shooting import Point, followed, simulated
 from .statistics import huber_factor, sentences, spread_of
 from .validation import continued, judged
-from .whiteness import ResidualTests, tested
+from .whiteness import ResidualTests, residual_tests
 
 RESTARTS = 3
 _SIGMAS, _BETTER = 5.0, 0.01
@@ -194,7 +194,7 @@ def _tests(problem: Problem, local: Local) -> tuple[ResidualTests, tuple[str, ..
             "deviations"
         )
     sides = (problem.names, problem.units, sigma)
-    return tested(residuals, *sides, r, local.fitted), tuple(notes)
+    return residual_tests(residuals, *sides, r, local.fitted), tuple(notes)
 
 
 def _on_bound(parameter: Parameter, z: float) -> bool:

@@ -133,7 +133,9 @@ def _sentence(parameters: Sequence[Parameter], row: np.ndarray) -> str:
         only = "their ratio shows" if len(chosen) == 2 else "their ratios show"
         return f"{listed}: only {only}; all may grow by the same factor"
     if logs and len(chosen) == 2 and abs(chosen[0][1] + chosen[1][1]) < _SAME:
-        return f"{listed}: only their product shows"
+        # Of two equal numbers of one kind sum and product are the same to first order.
+        alike = chosen[0][0].unit == chosen[1][0].unit
+        return f"{listed}: only their {'sum or product' if alike else 'product'} shows"
     kind = "as powers of one factor" if logs else "in units of their starting values"
     if not logs and any(p.value0 == 0 for p, _ in chosen):
         kind = "each on its own scale"

@@ -63,7 +63,7 @@ class ResidualTests:
     findings: tuple[str, ...]
 
 
-def tested(
+def residual_tests(
     residuals: Sequence[np.ndarray],
     names: Sequence[str],
     units: Sequence[str],
