@@ -12,6 +12,7 @@ import numpy as np
 from harness import BenchmarkError, Case, c_compiler, run
 
 from dtcasadi.compile import DEFAULT_FLAGS, GENERATOR
+from dtcasadi.compiler import FLAGS_OF_LIBRARIES
 from dtcasadi.lanes import lanes_source
 
 HERE = Path(__file__).parent
@@ -44,7 +45,7 @@ def build_ours(function: ca.Function, flags: str, folder: Path) -> Built:
     Raises:
         BenchmarkError: the compiler fails or takes longer than TIMEOUT_S.
     """
-    unknown = {f for f in DEFAULT_FLAGS if f.startswith("-f")} - {*SHARED, "-fPIC"}
+    unknown = {f for f in DEFAULT_FLAGS if f.startswith("-f")} - {*SHARED, *FLAGS_OF_LIBRARIES}
     if unknown:
         raise BenchmarkError(f"flags of the product that the benchmark lacks: {unknown}")
     name = function.name()

@@ -1,5 +1,6 @@
 """The scenes of the stability map hold what their comments say."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -21,7 +22,7 @@ def scene(name: str) -> dtc.Scene:
 
 
 def test_each_states_its_horizon_and_measure():
-    assert len(PLAIN) == 15 and len(NAMES) == 21
+    assert len(PLAIN) == 16 and len(NAMES) == 22
     for name in NAMES:
         found = dtc.load_scene(name)
         assert f"reaches {found.t_end:g} s with its energy within twice" in found.measure.text
@@ -129,3 +130,23 @@ def test_what_the_numbers_of_the_others_are():
     small = scene("small_stiff").build()
     F_x = np.array(small.ode_jacobian(scene("small_stiff").x0(small), [2e4], small.theta0)[1])
     assert np.min(np.linalg.eigvals(F_x).real) == pytest.approx(-1.2e5, rel=0.05)
+
+
+def test_a_stiff_gas_costs_linearly_implicit_methods_no_steps():
+    """The finger with its air supply, and with the command as its pressure, to the same tolerance."""
+    gas = scene("stiff_gas")
+    plain = replace(gas, options={**gas.options, "actuator": "direct"})
+    model, x0 = gas.build(), gas.x0(gas.build())
+    F_x = np.array(model.ode_jacobian(x0, [2e3], model.theta0)[1])
+    decays = np.sort(np.linalg.eigvals(F_x).real)
+    assert decays[0] == pytest.approx(-1.0e4, rel=0.5) and decays[1] > -2e3
+    ends, steps = {}, {}
+    for method in ("rodas4", "ros3", "tsit5"):
+        runs = [dtc.simulate(each, method=method, rtol=1e-3, atol=1e-5) for each in (gas, plain)]
+        assert all(run.success for run in runs)
+        steps[method] = [len(run.t) for run in runs]
+        ends[method] = runs[0].q[:, -1]
+    for method in ("rodas4", "ros3"):
+        assert steps[method][0] <= 1.05 * steps[method][1], steps
+        assert np.allclose(ends[method], ends["tsit5"], atol=1e-4)
+    assert steps["tsit5"][0] > 2.5 * steps["tsit5"][1], steps

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ..cli.common import Report
 
 SIZES, CHARTS = (4, 16), ("planar", "cardan")
-_ROW = "{chart:8} {n_discs:>4} {actuator:16} {median_us:>10} {ratio:>7} {operations_ratio:>11}"
+_ROW = "{chart:8} {n_discs:>4} {actuator:16} {minimum_us:>10} {ratio:>7} {operations_ratio:>11}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,11 +29,11 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     report.section("actuators", "state equation of the seed robot, inflation volume")
     report.note(rounds=variants.ROUNDS, compiler=compiler.version if compiler else None)
     report.line(
-        "{how}; medians of {rounds} rounds that take turns; ratios to direct",
+        "{how}; least of {rounds} rounds that take turns; ratios to direct",
         how="compiled" if compiler else "CasADi's virtual machine",
         rounds=variants.ROUNDS,
     )
-    titles = {"chart": "chart", "n_discs": "N", "actuator": "actuator", "median_us": "median us"}
+    titles = {"chart": "chart", "n_discs": "N", "actuator": "actuator", "minimum_us": "least us"}
     print("  " + _ROW.format(**titles, ratio="ratio", operations_ratio="operations"))
     for chart in CHARTS:
         for n_discs in sorted(set(options.sizes)):
@@ -71,7 +71,7 @@ def _rows(report: "Report", chart: str, n_discs: int) -> None:
             chart=chart,
             n_discs=n_discs,
             actuator=name,
-            median_us=times[name],
+            minimum_us=times[name],
             ratio=times[name] / times["direct"] if times["direct"] else None,
             operations_ratio=counts[name] / counts["direct"],
         )

@@ -72,7 +72,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
         "for a call of nothing; median and minimum of {repeats} timings",
         how="compiled C functions called" if compiler else "CasADi's virtual machine called",
         states=_STATES,
-        overhead_us=_overhead(),
+        overhead_us=statistics.median(overheads()),
         repeats=REPEATS,
     )
     print("  " + _ROW.format(**_TITLES))
@@ -180,10 +180,22 @@ def operations(function: "ca.Function") -> int:
     return total
 
 
-def time_per_call(
-    function: "ca.Function", theta: np.ndarray, held: Sequence[float] | np.ndarray = ()
-) -> tuple[float, float]:
+def time_per_call(function: "ca.Function", theta: np.ndarray) -> tuple[float, float]:
     """Median and least time of a call, without CasADi's own share, [us].
+
+    Args:
+        function: with ports x, u, theta, compiled or not.
+        theta: the parameters, the same in every call.
+    """
+    times, nothing = times_of_calls(function, theta), overheads()
+    median = statistics.median(times) - statistics.median(nothing)
+    return max(median, 0.0), max(min(times) - min(nothing), 0.0)
+
+
+def times_of_calls(
+    function: "ca.Function", theta: np.ndarray, held: Sequence[float] | np.ndarray = ()
+) -> list[float]:
+    """Times of a call with CasADi's own share, one for each repeat [us].
 
     The states differ from call to call, as they do in a simulation.
 
@@ -195,9 +207,7 @@ def time_per_call(
     columns = _columns(function, theta, _STATES)
     if len(held):
         columns[function.name_in().index("x")][-len(held) :] = np.reshape(held, (-1, 1))
-    times = _timings(function, columns)
-    overhead = _overhead()
-    return max(statistics.median(times) - overhead, 0.0), max(min(times) - overhead, 0.0)
+    return _timings(function, columns)
 
 
 def _columns(function: "ca.Function", theta: np.ndarray, n: int) -> list[np.ndarray]:
@@ -211,15 +221,15 @@ def _columns(function: "ca.Function", theta: np.ndarray, n: int) -> list[np.ndar
     return [columns[port] for port in function.name_in()]
 
 
-def _overhead() -> float:
-    """Median time of a mapped call of a function that does next to nothing [us]."""
+def overheads() -> list[float]:
+    """Times of a mapped call of a function that does next to nothing [us]."""
     import casadi as ca
 
     from ..compile import twin
 
     x = ca.SX.sym("x")
     nothing = twin(ca.Function("nothing", [x], [x]))
-    return statistics.median(_timings(nothing, [np.zeros((1, _STATES))]))
+    return _timings(nothing, [np.zeros((1, _STATES))])
 
 
 def _timings(function: "ca.Function", columns: list[np.ndarray]) -> list[float]:

@@ -28,7 +28,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     report.section("inflation", "state equation of the seed robot with either inflation")
     report.note(rounds=variants.ROUNDS, compiler=compiler.version if compiler else None)
     report.line(
-        "{how}; medians of {rounds} rounds that take turns",
+        "{how}; least of {rounds} rounds that take turns",
         how="compiled" if compiler else "CasADi's virtual machine",
         rounds=variants.ROUNDS,
     )

@@ -12,7 +12,7 @@ import casadi as ca
 
 from ..bound import densified
 from ..compile import GENERATOR
-from ..compiler import DEFAULT_FLAGS
+from ..compiler import DEFAULT_FLAGS, FLAGS_OF_LIBRARIES
 from ..errors import ModelError
 from . import build, header, precision, project
 from .description import Export, Exposed, Port, Settings
@@ -23,7 +23,9 @@ from .texts import comment, filled, maker, number
 # costs the compiler a tenth and gains a third where dense solves take part; elsewhere nothing
 # (benchmarks/results/compile_size.md).
 FLAGS = tuple(
-    flag for flag in DEFAULT_FLAGS if flag not in ("-std=c99", "-march=native", "-fPIC", "-shared")
+    flag
+    for flag in DEFAULT_FLAGS
+    if flag not in ("-std=c99", "-march=native", *FLAGS_OF_LIBRARIES)
 )
 _CALLED = """
     sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p pow sqrt
