@@ -17,6 +17,8 @@ from .augmented import Layout
 
 # Largest eigenvalue of the errors; what nothing measures stays at 1, to round-off.
 _SLOWEST = 1 - 1e-9
+# Share of a parameter that is forgotten in a step where its random walk has no steady filter.
+_FORGOTTEN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +120,21 @@ class Linearizer:
         noise, so that it tells as much per second; its gain is that of a single reading.
         """
         n_z, n_x = self._layout.n_z, self._layout.n_x
-        # What neither moves nor wanders is known, and has no place in the equation.
-        kept = np.concatenate([np.full(n_x, True), np.diag(Q)[n_x:] > 0])
+        # What does not wander is known, and what acts on nothing cannot be: neither has a place.
+        acts = np.any(np.vstack([F[:n_x], *measured.values()])[:, n_x:], axis=0)
+        kept = np.concatenate([np.full(n_x, True), (np.diag(Q)[n_x:] > 0) & acts])
         sensors = self._discrete.sensors
         noises = {name: self._average(sensors[name]) for name in measured}
         H = np.vstack([H_s[:, kept] for H_s in measured.values()])
         R = np.array(ca.diagcat(*(ca.DM(noise) for noise in noises.values())))
         P = np.zeros((n_z, n_z))
-        P[np.ix_(kept, kept)] = steady(F[np.ix_(kept, kept)], H, Q[np.ix_(kept, kept)], R, command)
+        F, Q = F[np.ix_(kept, kept)], Q[np.ix_(kept, kept)]
+        try:
+            P[np.ix_(kept, kept)] = steady(F, H, Q, R, command)
+        except EstimationError:
+            # Such as a force along a straight thread, which no sensor sees there: wanders less far.
+            bounded = F - np.diag(np.where(np.arange(len(F)) < n_x, 0.0, _FORGOTTEN))
+            P[np.ix_(kept, kept)] = steady(bounded, H, Q, R, command)
         before, readings = P, {}
         for name, H_s in measured.items():
             S = H_s @ P @ H_s.T + sensors[name].R_v

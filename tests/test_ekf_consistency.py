@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 import dtcasadi as dtc
 from dtcasadi.discrete import DiscreteModel
@@ -13,6 +12,7 @@ from dtcasadi.measuring import Sensor
 from dtcasadi.presets import seed_four_disc
 from dtcasadi.sensors import IMU, Marker, PressureSensor
 from estimators import EKF
+from estimators.consistency import nees_in_band
 
 STEP = 0.005
 SENSORS = (
@@ -35,12 +35,8 @@ def noise(n_q: int, n_z: int) -> np.ndarray:
     return np.concatenate([np.full(n_q, 1e-8), np.full(n_q, 1e-5), np.full(n_z, 1e-4)])
 
 
-def nees_in_band(discrete: DiscreteModel, filtered: object, runs: int, steps: int) -> float:
-    """Share of runs and times with e^T P^-1 e inside its two-sided 95 % band.
-
-    The truth moves by `discrete`, with the filter's own noise and start; the filter has `filtered`.
-    """
-    rng = np.random.default_rng(5)
+def share_in_band(discrete: DiscreteModel, filtered: object, runs: int, steps: int) -> float:
+    """Of runs and times; the truth moves by `discrete`, the filter has `filtered`."""
     model = discrete.model
     Q = noise(model.n_q, 1)
     # Small enough that the second-order terms of the readings, ruled out by theory, stay below
@@ -48,31 +44,18 @@ def nees_in_band(discrete: DiscreteModel, filtered: object, runs: int, steps: in
     P0 = np.concatenate([np.full(model.n_q, 0.02), np.full(model.n_q, 0.02), [0.1]]) ** 2
     mean = np.concatenate([0.1 * np.ones(model.n_q), np.zeros(model.n_q), [9.0]])
     ekf = EKF(filtered, x0=mean, P0=P0, Q_w=Q)  # type: ignore[arg-type]
-    step, sensor = discrete.compiled("step"), discrete.together(TOGETHER)
-    u, theta = np.array([10.0]), discrete.theta0
-    R = np.sqrt(np.diag(sensor.R_v))
-    low, high = chi2.interval(0.95, model.n_x)
-    inside = []
-    for _ in range(runs):
-        x, est = mean + np.sqrt(P0) * rng.normal(size=model.n_x), ekf.start
-        for _ in range(steps):
-            y = sensor.output(x, u, theta).full()[:, 0] + R * rng.normal(size=len(R))
-            est = ekf.update(est, y, TOGETHER, u)
-            e = x - est.x
-            inside.append(low <= e @ np.linalg.solve(est.P, e) <= high)
-            x = step(x, u, theta)[0] + np.sqrt(Q) * rng.normal(size=model.n_x)
-            est = ekf.predict(est, u)
-    return float(np.mean(inside))
+    case = {"mean": mean, "P0": P0, "Q": Q, "u": np.array([10.0]), "runs": runs, "steps": steps}
+    return nees_in_band(ekf, discrete, TOGETHER, **case)  # type: ignore[arg-type]
 
 
 def test_errors_are_as_large_as_the_covariance_says(discrete):
     # 0.95 is what theory expects; 12 runs of 40 correlated errors each scatter by about 0.02.
-    assert nees_in_band(discrete, discrete, 12, 40) >= 0.90
+    assert share_in_band(discrete, discrete, 12, 40) >= 0.90
 
 
 @pytest.mark.slow
 def test_errors_are_as_large_as_the_covariance_says_in_100_runs(discrete):
-    assert nees_in_band(discrete, discrete, 100, 200) >= 0.90
+    assert share_in_band(discrete, discrete, 100, 200) >= 0.90
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +83,7 @@ class Flipped:
 
 def test_a_derivative_of_the_wrong_sign_shows(discrete):
     # 0.95 with the right sign.
-    assert nees_in_band(discrete, Flipped(discrete), 4, 40) < 0.5
+    assert share_in_band(discrete, Flipped(discrete), 4, 40) < 0.5
 
 
 def test_it_starts_exactly_straight_and_survives_a_dead_sensor(discrete):

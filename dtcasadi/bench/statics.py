@@ -27,7 +27,7 @@ _TITLES = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the benchmark."""
-    parser.add_argument("--repeats", type=_count, default=25, metavar="N", help="timings of each")
+    parser.add_argument("--repeats", type=count, default=25, metavar="N", help="timings of each")
 
 
 def run(options: argparse.Namespace, report: "Report") -> None:
@@ -85,13 +85,14 @@ def _median(call: Callable[[], object], repeats: int) -> float:
     call()
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.perfcounter()
         call()
-        times.append(time.perf_counter() - start)
+        times.append(time.perfcounter() - start)
     return statistics.median(times)
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """A positive number from the command line."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
