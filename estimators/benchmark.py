@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import dtcasadi as dtc
+from dtcasadi.discrete import DiscreteModel
 from dtcasadi.presets import seed_four_disc
 from dtcasadi.scene import Scene
 from dtcasadi.sensors import IMU, Marker, PressureSensor
@@ -32,7 +33,9 @@ def experiment(scene: Scene, choices: dict[str, Choice]) -> tuple[dict[str, Resu
     log, results = recorded(scene, truth), {}
     for name, choice in choices.items():
         made = choice.build(scene, discrete)
-        results[name] = result_of(choice.title, tip, made.discrete, choice.run(made, log))
+        own = made.discrete
+        assert isinstance(own, DiscreteModel)
+        results[name] = result_of(choice.title, tip, own, choice.run(made, log))
     return results, tip, truth
 
 

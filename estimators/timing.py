@@ -138,7 +138,7 @@ def us_per_call(plain: ca.Function, native: ca.Function | None, *arguments: Any)
     """Least time of a call of compiled C from a loop in C++ [us]."""
     many = twin(plain, source=native or plain).map(_CALLS)
     buffer, evaluate = many.buffer()
-    kept = [np.tile(np.asarray(a, dtype=float).ravel("F"), _CALLS) for a in arguments]
+    kept: list[Any] = [np.tile(np.asarray(a, dtype=float).ravel("F"), _CALLS) for a in arguments]
     kept += [np.zeros(many.nnz_out(k)) for k in range(many.n_out())]
     for k, array in enumerate(kept):
         if k < len(arguments):

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     print("  " + _ROW.format(**_TITLES))
     table: dict[str, Any] = {}
     for name in choices:
-        row = {"us_per_step": times[name], **errors[name]}
+        row: dict[str, float | None] = {"us_per_step": times[name], **errors[name]}
         row |= {"nees_in_band": shares[name], "convergence_s": settled[name]}
         table[name] = row
         shown = {key: "-" if value is None else f"{value:.3g}" for key, value in row.items()}

@@ -85,9 +85,9 @@ def _median(call: Callable[[], object], repeats: int) -> float:
     call()
     times = []
     for _ in range(repeats):
-        start = time.perfcounter()
+        start = time.perf_counter()
         call()
-        times.append(time.perfcounter() - start)
+        times.append(time.perf_counter() - start)
     return statistics.median(times)
 
 
