@@ -8,7 +8,6 @@ BENCHES = {
     "accuracy": "error against beams, chains and pendulums over the number of discs, and its cost",
     "actuators": "time per call with air supply and hysteresis against direct pressure",
     "dynamics": "time per call and operations of the state equation over the number of discs",
-    "estimators": "errors of state estimators, and time of their steps in compiled C",
     "inflation": "time per call with inflation by volume against the last disc's",
     "stability": "largest stable step of every method on hard scenes, or why it fails",
     "sweep": "runs per second on lanes against a process pool over the single-robot code",

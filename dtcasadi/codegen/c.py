@@ -23,9 +23,7 @@ from .texts import comment, filled, maker, number
 # costs the compiler a tenth and gains a third where dense solves take part; elsewhere nothing
 # (benchmarks/results/compile_size.md).
 FLAGS = tuple(
-    flag
-    for flag in DEFAULT_FLAGS
-    if flag not in ("-std=c99", "-march=native", *FLAGS_OF_LIBRARIES)
+    flag for flag in DEFAULT_FLAGS if flag not in ("-std=c99", "-march=native", *FLAGS_OF_LIBRARIES)
 )
 _CALLED = """
     sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p pow sqrt

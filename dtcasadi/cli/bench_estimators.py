@@ -1,13 +1,13 @@
-"""Estimators: errors against microseconds for a step of compiled C."""
+"""`dtcasadi bench estimators`: errors against microseconds for a step of compiled C."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .statics import count
+from ..bench.statics import count
 
 if TYPE_CHECKING:
-    from ..cli.common import Report
+    from .common import Report
 
 _ROW = (
     "{estimator:9} {us_per_step:>9} {tip_rmse_over_length:>10} {force_error:>8} "
@@ -39,8 +39,8 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     from estimators.registry import ESTIMATORS
     from estimators.timing import Case
 
-    from ..cli.common import check_target
     from ..compiler import find_compiler
+    from .common import check_target
 
     if options.png:
         check_target(Path(options.png))
