@@ -23,6 +23,10 @@ class Discrete(Protocol):
         """Function x, u, theta -> x_next, F_x, F_u, F_theta."""
 
     @property
+    def step(self) -> ca.Function:
+        """Function x, u, theta -> x_next, status."""
+
+    @property
     def linearize_checked(self) -> ca.Function:
         """The same with `status`, 0: good, behind."""
 

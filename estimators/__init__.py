@@ -6,10 +6,12 @@ from .base import Estimate, ProcessNoise
 from .ekf import EKF
 from .operating import OperatingPoints, operating_points
 from .spv import SPV
+from .ukf import UKF
 
 __all__ = [
     "EKF",
     "SPV",
+    "UKF",
     "Discrete",
     "Estimate",
     "OperatingPoints",

@@ -90,6 +90,20 @@ def refusal(name: str, expected: str, got: object) -> EstimationError:
     return EstimationError(f"{name}: expected {expected}, got {got}")
 
 
+def chance(gate: float | None) -> float | None:
+    """The chance that a good measurement is refused, checked.
+
+    Raises:
+        EstimationError: not a chance.
+    """
+    if gate is None:
+        return None
+    value = checks.number("gate", gate, error=refusal)
+    if not 0 < value < 1:
+        raise refusal("gate", "a chance between 0 and 1", gate)
+    return value
+
+
 def symmetric(name: str, value: Any, n: int, *, definite: bool) -> np.ndarray:
     """A covariance, shape (n, n), from a matrix or its diagonal.
 

@@ -15,7 +15,7 @@ from dtcasadi.compile import twin
 from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by, widened
-from .base import Estimate, ProcessNoise, refusal
+from .base import Estimate, ProcessNoise, chance, refusal
 from .steps import NO_LIMIT, Pair, Setting, Update, correction, prediction
 
 
@@ -32,6 +32,7 @@ class EKF:
         discrete: the model.
         start: the estimate at the beginning.
         names: one name for each estimated number, shape (n_z,).
+        free: entries of theta that are estimated.
     """
 
     def __init__(
@@ -73,17 +74,14 @@ class EKF:
         """
         self.discrete = discrete
         layout = layout_of(discrete, augment)
-        self.names = layout.names
+        self.names, self.free = layout.names, layout.free
         theta = discrete.theta0 if theta is None else theta
         self.start = Estimate(
             x=checks.array("x0", x0, (layout.n_x,), error=refusal),
             P=widened("P0", P0, layout),
             theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
         )
-        self._limit = NO_LIMIT if gate is None else checks.number("gate", gate, error=refusal)
-        if gate is not None and not 0 < self._limit < 1:
-            raise refusal("gate", "a chance between 0 and 1", gate)
-        self._gated = gate is not None
+        self._gate = chance(gate)
         self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
         self._caution = checks.index("caution", caution, 0, 20, error=refusal)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
@@ -165,8 +163,8 @@ class EKF:
         if names not in self._pairs:
             sensor = self.discrete.together(names)
             limits = np.full(sensor.n_y + 1, NO_LIMIT)
-            if self._gated:
-                limits[1:] = chi2.isf(self._limit, np.arange(1, sensor.n_y + 1))
+            if self._gate is not None:
+                limits[1:] = chi2.isf(self._gate, np.arange(1, sensor.n_y + 1))
             how = Update(limits, self._iterations, self._caution)
             name = f"update_{'_'.join(names)}"
             self._pairs[names] = correction(self._setting, sensor, how, name)

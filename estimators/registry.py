@@ -17,7 +17,9 @@ from .ekf import EKF
 from .operating import operating_points
 from .runner import Filter, Track, track
 from .scenario import discrete_of, knowledge, settings
+from .smoother import smoothed
 from .spv import SPV
+from .ukf import UKF
 
 # Share of the range of pressures that leads from one branch of hysteresis half way to the other;
 # and how many deviations of the gauge's noise at least.
@@ -42,16 +44,7 @@ class Choice:
 
 def _ekf(scene: Scene, discrete: DiscreteModel) -> EKF:
     """See `EKF`."""
-    known = knowledge(scene, discrete)
-    return EKF(
-        discrete,
-        x0=known.x0,
-        P0=known.P0,
-        Q_w=known.Q_w,
-        augment=known.augment,
-        gate=known.gate,
-        caution=settings(scene).caution,
-    )
+    return EKF(discrete, **vars(knowledge(scene, discrete)), caution=settings(scene).caution)
 
 
 def _spv(scene: Scene, discrete: DiscreteModel) -> SPV:
@@ -89,14 +82,23 @@ def _spv(scene: Scene, discrete: DiscreteModel) -> SPV:
     )
 
 
+def _ukf(scene: Scene, discrete: DiscreteModel) -> UKF:
+    """See `UKF`."""
+    return UKF(discrete, **vars(knowledge(scene, discrete)))
+
+
+# Of the extended Kalman filter, as it is what goes back over its run.
+SMOOTHER = "smoother"
 ESTIMATORS = {
     "ekf": Choice("extended Kalman filter", _ekf),
+    "ukf": Choice("unscented Kalman filter", _ukf),
+    SMOOTHER: Choice("fixed-interval smoother", _ekf, smoothed),
     "spv": Choice("parameter-varying observer", _spv),
 }
 
 
-def chosen(name: str) -> dict[str, Choice]:
-    """The estimators of a name, or every one for `all`.
+def chosen(name: str, *, smooth: bool = False) -> dict[str, Choice]:
+    """The estimators of a name, or every one for `all`; with the smoother behind, if asked for.
 
     Raises:
         EstimationError: an unknown name.
@@ -107,4 +109,5 @@ def chosen(name: str) -> dict[str, Choice]:
         raise EstimationError(
             f"estimator: expected one of {', '.join([*ESTIMATORS, 'all'])}, got {name!r}"
         )
-    return {name: ESTIMATORS[name]}
+    names = [name, SMOOTHER] if smooth else [name]
+    return {each: ESTIMATORS[each] for each in names}

@@ -133,7 +133,7 @@ def test_what_the_numbers_of_the_others_are():
 
 
 def test_a_stiff_gas_costs_linearly_implicit_methods_no_steps():
-    """The finger with its air supply, and with the command as its pressure, to the same tolerance."""
+    """The finger with its air supply, and with the command as its pressure."""
     gas = scene("stiff_gas")
     plain = replace(gas, options={**gas.options, "actuator": "direct"})
     model, x0 = gas.build(), gas.x0(gas.build())

@@ -16,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimator", metavar="NAME", default="ekf", help="which filter, or all (default: ekf)"
     )
+    parser.add_argument(
+        "--smooth", action="store_true", help="also what the whole log says of every instant"
+    )
     parser.add_argument("--png", metavar="F", help="draw truth, measurements and estimate")
     parser.add_argument("--animate", metavar="F", help="draw truth and estimates as .gif or .mp4")
     parser.add_argument("--save-log", metavar="F", help="write the simulated measurements as .csv")
@@ -31,7 +34,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     from ..logs import read_log
     from ..scene import load_scene
 
-    scene, choices = load_scene(options.scene), chosen(options.estimator)
+    scene, choices = load_scene(options.scene), chosen(options.estimator, smooth=options.smooth)
     for target in (options.png, options.save_log):
         if target:
             check_target(Path(target))

@@ -1,0 +1,171 @@
+"""The unscented filter: the Kalman filter on a linear model, its points, faults, re-centring."""
+
+import numpy as np
+import pytest
+from kalman import N_U, Kalman, N, covariance, toy_plant
+from linear_toy import LinearDiscrete
+
+import dtcasadi as dtc
+from dtcasadi.errors import EstimationError
+from dtcasadi.sensors import Marker
+from estimators import EKF, UKF, ProcessNoise
+from estimators.sigma import gathered, root_of, spread_out, triangle
+from estimators.ukf import serial
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::dtcasadi.compile.NoCompilerWarning"),
+    pytest.mark.filterwarnings("ignore::dtcasadi.batch.OneByOneWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def toy() -> LinearDiscrete:
+    return toy_plant()
+
+
+@pytest.mark.parametrize("distance", [3**0.5, 0.5])
+def test_it_is_the_kalman_filter_on_a_linear_model(toy, rng, distance):
+    Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
+    more = {"distance": distance, "many": serial}
+    ukf = UKF(toy, x0=x0, P0=P0, Q_w=Q, augment=("mass",), **more)
+    plain, est = Kalman(toy, Q), ukf.start
+    z, P = np.concatenate([x0, toy.theta0[2:]]), P0
+    for k in range(50):
+        u = rng.normal(size=N_U)
+        est = ukf.predict(est, u)
+        z, P = plain.predict(z, P, u)
+        names = (["pair"], ["one"], ["pair", "one"])[k % 3]
+        y = rng.normal(size=sum(len(toy.measured[name][0]) for name in names))
+        if k % 5 == 0:
+            y[0] = np.nan
+        est = ukf.update(est, y, names, u)
+        z, P, nis = plain.update(z, P, y, names)
+        # 1e-10 of values of order 1: fifty steps of round-off in two formulas.
+        np.testing.assert_allclose(np.concatenate([est.x, est.theta[2:]]), z, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(est.P, P, rtol=0, atol=1e-10)
+        assert abs(est.nis - nis) < 1e-9 * max(1, nis)
+    assert est.skipped == 10 and not est.failure
+
+
+def test_noise_of_forces_goes_through_the_step(toy):
+    six = LinearDiscrete(
+        toy.F, toy.G, np.ones((N, 6)) * np.arange(6), {}, np.zeros(6), {"wrench": slice(0, 6)}
+    )
+    noise = ProcessNoise(force=2.0, state=0.5, walk={"wrench": [1, 2, 3, 4, 5, 6]})
+    filters = [
+        kind(six, x0=np.zeros(N), P0=np.r_[np.zeros(N), np.ones(6)], Q_w=noise, augment=("wrench",))
+        for kind in (EKF, lambda *a, **k: UKF(*a, many=serial, **k))
+    ]
+    ekf, ukf = (each.predict(each.start, np.zeros(N_U)).P for each in filters)
+    np.testing.assert_allclose(ukf, ekf, rtol=0, atol=1e-12 * np.abs(ekf).max())
+
+
+def test_the_transform_is_the_weighted_sums_of_the_textbook(rng):
+    """Mean and covariance with the scaled weights, of points through a curved function."""
+    n, h = 4, 1.3
+    root, centre = np.linalg.cholesky(covariance(rng, n)), rng.normal(size=n)
+    points = spread_out(centre, root, h)
+    images = np.vstack([np.sin(points[:2]), points[2:] ** 2 * points[0]])
+    alpha2 = h**2 / n
+    w_mean, w_cov = np.full(2 * n + 1, 0.5 / h**2), np.full(2 * n + 1, 0.5 / h**2)
+    w_mean[0] = 1 - n / h**2
+    w_cov[0] = w_mean[0] + 1 - alpha2 + 2
+    mean = images @ w_mean
+    off = images - mean[:, None]
+    cloud = gathered(images, h)
+    np.testing.assert_allclose(cloud.mean, mean, rtol=0, atol=1e-12)
+    U = triangle(cloud.root)
+    np.testing.assert_allclose(U.T @ U, (off * w_cov) @ off.T, rtol=0, atol=1e-12)
+
+
+def test_a_root_of_a_semidefinite_covariance():
+    L = np.array([[1.0, 0, 0], [2, 1, 0], [0, 0, 0], [1, -1, 0]])
+    root = root_of(L @ L.T)
+    np.testing.assert_allclose(root @ root.T, L @ L.T, rtol=0, atol=1e-14)
+    assert root.shape == (4, 2) and root_of(np.zeros((3, 3))).shape == (3, 0)
+
+
+def test_a_square_bends_the_mean():
+    """E[x^2] = m^2 + P and var = 4 m^2 P + 2 P^2 of a Gaussian number, exactly."""
+    m, P = 0.7, 0.3
+    points = spread_out(np.array([m]), np.sqrt([[P]]), 3**0.5)
+    cloud = gathered(points**2, 3**0.5)
+    assert cloud.mean[0] == pytest.approx(m**2 + P, rel=1e-14)
+
+
+def test_readings_that_are_no_numbers_and_outliers(toy, rng):
+    ukf = UKF(toy, x0=np.zeros(N), P0=np.full(N, 0.01), Q_w=np.ones(N), gate=1e-4, many=serial)
+    u = np.zeros(N_U)
+    for bad in (np.nan, np.inf):
+        est = ukf.update(ukf.start, np.full(3, bad), "pair", u)
+        assert est.skipped == 3 and est.used == 0 and est.nis == 0
+        np.testing.assert_array_equal(est.x, ukf.start.x)
+    far = ukf.update(ukf.start, [100.0, 0.0, 0.0], "pair", u)
+    assert far.gated == 1 and not far.believed and np.array_equal(far.P, ukf.start.P)
+    with pytest.raises(EstimationError, match="gate: expected a chance between 0 and 1, got 2"):
+        UKF(toy, x0=np.zeros(N), P0=np.ones(N), Q_w=np.ones(N), gate=2, many=serial)
+
+
+def hanging(chart: str = "planar") -> dtc.DiscreteModel:
+    disc = dtc.Disc.hoop(1.0, 0.2)
+    points = [dtc.presets.rim(0.2, a) for a in (1.5, 3.1, 4.7)]
+    springs = [dtc.Spring((1, 2), p, p, stiffness=200.0, damping=2.0) for p in points]
+    robot = dtc.Robot((disc, disc), (dtc.Thread(0.5),), tuple(springs), up=np.array([0, 0, -1]))
+    sensors = (Marker(name="tip", disc=2, noise=0.01),)
+    model = dtc.build(robot, chart=chart, wrenches=(2,))
+    return model.discrete(0.005, method="rk4", sensors=sensors)
+
+
+@pytest.mark.parametrize("chart", ["planar", pytest.param("cardan", marks=pytest.mark.slow)])
+def test_points_at_once_are_those_one_after_the_other(chart):
+    discrete = hanging(chart)
+    n = len(discrete.state_names)
+    known = {
+        "x0": np.full(n, 0.1),
+        "P0": np.r_[np.full(n, 0.01), np.ones(3), np.zeros(3)],
+        "Q_w": ProcessNoise(force=0.1, walk={"wrench": 0.1}),
+        "augment": ("wrench",),
+    }
+    at_once, serially = UKF(discrete, **known), UKF(discrete, many=serial, **known)
+    a, b = at_once.start, serially.start
+    for k in range(5):
+        a, b = (f.predict(e, []) for f, e in ((at_once, a), (serially, b)))
+        y = [0.0, 0.2 + 0.01 * k, 0.5]
+        a, b = (f.update(e, y, "tip", []) for f, e in ((at_once, a), (serially, b)))
+    # Sines of SIMD lanes are within an ulp of the library's.
+    np.testing.assert_allclose(a.x, b.x, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(a.P, b.P, rtol=0, atol=1e-12)
+    assert not a.failure and a.used == 3
+
+
+def test_re_centring_maps_the_covariance():
+    """An angle beyond 45 degrees: the prediction about the old centre, through the map T."""
+    discrete = hanging("cardan")
+    n = len(discrete.state_names)
+    x0 = np.zeros(n)
+    x0[1] = 0.9
+    known = {"P0": np.full(n, 1e-3), "Q_w": np.full(n, 1e-4), "many": serial}
+    ukf = UKF(discrete, x0=x0, **known)
+    moved, u = ukf.predict(ukf.start, []), np.zeros(0)
+    ukf.discrete = Still(discrete)
+    stayed = ukf.predict(ukf.start, u)
+    assert moved.recentred == 1 and stayed.recentred == 0
+    x, theta, T = discrete.recentre(stayed.x, stayed.theta)
+    assert np.array_equal(moved.theta, theta) and abs(moved.x[1]) < 1e-12
+    np.testing.assert_allclose(moved.x, x, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(moved.P, T @ stayed.P @ T.T, rtol=0, atol=1e-14)
+
+
+class Still:
+    """A discrete model that keeps its centres."""
+
+    def __init__(self, discrete: dtc.DiscreteModel):
+        self.recentre = lambda x, theta: (x, theta, np.eye(len(x)))
+
+
+def test_a_step_that_fails_leaves_the_estimate(toy):
+    ukf = UKF(toy, x0=np.zeros(N), P0=np.ones(N), Q_w=np.ones(N), many=serial)
+    start = ukf.start.replaced(x=np.full(N, 1e200))
+    est = ukf.predict(start, np.zeros(N_U))
+    assert est.failed == 1 and "did not converge" in est.failure
+    assert np.array_equal(est.x, start.x)
