@@ -30,6 +30,8 @@ OPTIONS = {"cse": True}
 _HUGE = 1e300
 # Share of the mean curvature added to each: a command without effect or price stays as it was.
 _FLOOR = 1e-14
+# How far from the limits the model is linearized, in shares of a command's range.
+_INSIDE = 1e-9
 
 
 class Prepared(NamedTuple):
@@ -125,7 +127,10 @@ class Iteration:
         """Roll out from x under a plan (n_u, N), linearize and condense."""
         s = self.stages
         blocks = [int(block) for block in s.block_of]
-        lower, upper = (_bounded(side.T) for side in self.bounds())
+        # An actuator that cuts commands off at the same limits has half a slope there, or none.
+        inside = _INSIDE * self.scale
+        low, high = self.bounds()
+        lower, upper = _bounded((low + inside).T), _bounded((high - inside).T)
         v = ca.fmin(ca.fmax(plan[:, [int(k) for k in self.first]], lower), upper)
         stage, states, found = self._stage(native), [x], []
         for k, block in enumerate(blocks):

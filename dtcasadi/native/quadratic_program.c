@@ -7,11 +7,12 @@
    ITS iterations, 2 no point keeps to the bounds, 3 H not positive definite or not finite; the number
    of iterations; largest violation left, rows scaled to a sum of magnitudes of 1. */
 casadi_real L[V * V], inv[V], start[V], y[V], m[K * V], Q[K * K], T[K * K], d[K], base[K], lam[K], at[K];
-casadi_real scale[M + 1], tiny = sizeof(casadi_real) == 4 ? 1e-5 : 1e-12, worst = 0;
-const casadi_real none = 1e30, least = sizeof(casadi_real) == 4 ? 1e-4 : 1e-10;
+casadi_real scale[M + 1], tiny = sizeof(casadi_real) == 4 ? 1e-5 : 1e-12, worst = 1e30;
+const casadi_real none = 1e30, least = sizeof(casadi_real) == 4 ? 1e-6 : 1e-14;
+const casadi_real fair = sizeof(casadi_real) == 4 ? 1e-4 : 1e-9;
 const casadi_real broken = sizeof(casadi_real) == 4 ? 1e-2 : 1e-6;
 casadi_int row[K], side[K], zone[K], guess[V + M], state = 0, n = 0, from = 0, its = 0, next = 0;
-casadi_int i, j, k, l;
+casadi_int i, j, l;
 for (i = 0; i < V + M; ++i) {
   guess[i] = WARM[i] > 1.5 ? 2 : WARM[i] > 0.5 ? 1 : WARM[i] < -1.5 ? -2 : WARM[i] < -0.5 ? -1 : 0;
   CODE[i] = 0;
@@ -55,8 +56,9 @@ while (state == 0) {
   }
   if (add < 0) {
     casadi_real alpha = 1;
+    /* What is left at the end of the budget may be no more than round-off. */
     if (its >= ITS) {
-      state = 1;
+      state = worst > fair;
       break;
     }
     ++its;
