@@ -16,7 +16,7 @@ from .errors import ModelError
 from .integrators import SYMPLECTIC
 from .integrators.package import SLACK_MAX
 from .integrators.step import At, OneStep, Plant, differentiated, taken
-from .integrators.steppers import ONE_STEP, symbols
+from .integrators.steppers import ONE_STEP, suited, symbols
 from .measuring import Layout, Sensor, layout_of, plants_of, sensor_of
 from .recentring import carried
 
@@ -214,6 +214,7 @@ def _functions(
     exact: bool,
 ) -> dict[str, ca.Function]:
     """The step and its linearization as Functions of x, u and theta."""
+    plant = suited(method, plant)
     free = symbols(plant)
     theta = free.theta if layout.n == layout.n_model else plant.kind.sym("theta", layout.n)
     own, biases = ca.vertsplit(theta, [0, layout.n_model, layout.n])

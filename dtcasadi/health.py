@@ -4,6 +4,7 @@ import numpy as np
 
 from .bound import Bound
 from .compile import twin
+from .contact.report import Touched
 from .integrators.problem import Trajectory
 from .model import Model
 
@@ -19,7 +20,11 @@ def samples_of(t: np.ndarray) -> np.ndarray:
 
 
 def energy_balance(
-    model: Model, trajectory: Trajectory, command: np.ndarray, at: np.ndarray
+    model: Model,
+    trajectory: Trajectory,
+    command: np.ndarray,
+    at: np.ndarray,
+    hit: Touched | None = None,
 ) -> dict[str, np.ndarray]:
     """Energies and the balance residual at some of the steps.
 
@@ -33,6 +38,7 @@ def energy_balance(
         trajectory: its motion.
         command: commands at the Gauss nodes of every step, shape (n_u, 3 (n - 1)).
         at: indices of the steps to report.
+        hit: what rigid contacts did; adds their work `contact`, and `projected` of projections.
 
     Returns:
         t, kinetic, potential, stored, supplied, dissipated, residual, shape (len(at),) each [s, J].
@@ -56,14 +62,16 @@ def energy_balance(
     potential = np.array(model.potential_energy(x[:n], thetas)).ravel()
     stored = np.array(model.power(x, np.zeros((model.n_u, len(at))), thetas)[2]).ravel()
     total = kinetic + potential + stored
+    own = {} if hit is None else {"contact": hit.work[at], "projected": hit.projected[at]}
     return {
+        **own,
         "t": trajectory.t[at],
         "kinetic": kinetic,
         "potential": potential,
         "stored": stored,
         "supplied": supplied[at],
         "dissipated": dissipated[at],
-        "residual": total - total[0] - supplied[at] + dissipated[at],
+        "residual": total - total[0] - supplied[at] + dissipated[at] - sum(own.values()),
     }
 
 
@@ -92,8 +100,8 @@ def imbalance(energy: dict[str, np.ndarray]) -> np.ndarray:
         A number, or one for each run.
     """
     total = energy["kinetic"] + energy["potential"] + energy["stored"]
-    kinds = ("potential", "stored", "supplied", "dissipated")
-    turned = np.max([np.ptp(energy[name], axis=0) for name in kinds], axis=0)
+    kinds = ("potential", "stored", "supplied", "dissipated", "contact")
+    turned = np.max([np.ptp(energy[name], axis=0) for name in kinds if name in energy], axis=0)
     # A free disc turns nothing over: what it moves with is the scale, not its own drift. At rest
     # there is only what the tolerances let through, small beside the energy there is.
     moving = np.max(energy["kinetic"], axis=0)

@@ -86,6 +86,8 @@ def slots(robot: Robot, path: str) -> tuple[Slot, ...]:
     if number is not None and not 1 <= int(number) <= count:
         raise ModelError(f"parameters: {path}: expected an index from 1 to {count}, got {number}")
     places = list(range(count)) if number is None else [int(number) - 1]
+    if part == "obstacles":
+        places = [place for place in places if not robot.obstacles[place].rigid]
     if part == "forces":
         places = _forces_with(robot, path, places, field)
     return tuple(Slot(part, place, field) for place in places)
@@ -168,6 +170,8 @@ def numbers_of(robot: Robot, symbols: Mapping[Slot, ca.SX]) -> Numbers:
 def _contacts(robot: Robot, get: Getter) -> Iterator[Any]:
     """Contacts of every obstacle, disc by disc."""
     for k, obstacle in enumerate(robot.obstacles):
+        if obstacle.rigid:
+            continue
         numbers = {name: get("obstacles", k, name) for name in NUMBERS}
         for disc in obstacle.touching(robot.n_discs):
             points = rim_points(robot.discs[disc - 1], obstacle.rim_points)

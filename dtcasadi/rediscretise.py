@@ -38,7 +38,7 @@ def rediscretised(scene: "Scene", n_discs: int) -> "Scene":
         poses.append((np.array(at).T * np.diff(after)[:, np.newaxis]).ravel())
     return replace(
         scene,
-        robot=replace(cut, forces=forces, obstacles=obstacles),
+        robot=replace(cut, forces=forces, obstacles=obstacles, plates=scene.robot.plates),
         q0=poses[0],
         qd0=poses[1],
         initial_chart=charts.pop(),

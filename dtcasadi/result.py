@@ -10,6 +10,7 @@ import numpy as np
 
 from .checks import shown
 from .contact.record import Contacts, contacts_of
+from .contact.report import Touched
 from .errors import SimulationError
 from .events import Passed
 from .files import written
@@ -44,6 +45,7 @@ class Run:
         evaluations: calls of the state equation.
         wall_time: time spent integrating [s].
         dense: x, u and theta between the steps; `at` is made of it.
+        touched: rigid contacts of each step; `contacts` is made of it.
     """
 
     model: Model
@@ -65,6 +67,7 @@ class Run:
     evaluations: int
     wall_time: float
     dense: Dense = field(repr=False)
+    touched: Touched | None = None
 
     def __repr__(self) -> str:
         """How it went, on one line."""

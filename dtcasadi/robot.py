@@ -15,6 +15,7 @@ import numpy as np
 from . import checks
 from .constraints.values import Constraint
 from .contact.obstacle import Obstacle
+from .contact.plates import Plates
 from .errors import RobotError
 from .forces.protocol import Force
 from .forces.traits import check
@@ -54,6 +55,7 @@ class Robot:
         forces: any number, of `dtcasadi.forces` or one's own (see `dtcasadi.Force`).
         obstacles: any number, of `dtcasadi.contact`, that the discs may touch.
         constraints: any number, of `dtcasadi.constraints`, met at all times.
+        plates: what discs are like to each other; None: they may pass through.
 
     Raises:
         RobotError: naming the field, what was expected and what was given.
@@ -69,6 +71,7 @@ class Robot:
     forces: tuple[Force, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     constraints: tuple[Constraint, ...] = ()
+    plates: Plates | None = None
 
     def __post_init__(self) -> None:
         """Check how the parts fit together and complete the defaults."""

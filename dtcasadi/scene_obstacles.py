@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Any
 
-from .contact import Box, Capsule, HalfSpace, Obstacle, Sphere
+from .contact import Box, Capsule, HalfSpace, Obstacle, Plates, Sphere
 from .robot import Robot
 from .scene_forces import Key, read_key
-from .scene_robot import read_rotation
+from .scene_rotation import read_rotation
 from .scene_tables import Table, given
 from .scene_units import FORCE, LENGTH, PURE, SLOWNESS, VELOCITY
 
@@ -23,11 +23,12 @@ SHAPES: dict[str, tuple[Any, dict[str, Key]]] = {
     ),
 }
 _CONTACT = {
-    "penetration": Key(LENGTH, sign="positive", needed=True),
+    "penetration": Key(LENGTH, sign="positive"),
     "load": Key(FORCE, sign="positive"),
     "friction": Key(sign="nonnegative"),
     "slip_speed": Key(VELOCITY, sign="positive"),
     "dissipation": Key(SLOWNESS, sign="nonnegative"),
+    "restitution": Key(sign="nonnegative"),
 }
 
 
@@ -50,6 +51,20 @@ def with_obstacles(top: Table, robot: Robot | None) -> Robot | None:
     if robot is None or len(found) < len(contents):
         return None
     return replace(robot, obstacles=tuple(found)) if found else robot
+
+
+def read_plates(table: Table) -> Plates | None:
+    """The robot's `[robot.plates]` table; None without one."""
+    part = table.table("plates", default=None)
+    if part is None:
+        return None
+    keys = ("friction", "restitution")
+    fields = given({name: read_key(part, name, _CONTACT[name]) for name in keys})
+    points = part.take("rim_points", "an integer", default=None)
+    if points:
+        fields["rim_points"] = points[0]
+    part.close()
+    return part.make(Plates, **fields)
 
 
 def _read_obstacle(part: Table, n_discs: int) -> Obstacle | None:

@@ -11,11 +11,12 @@ from .robot import STANDARD_GRAVITY, Chamber, Damping, Disc, Robot, Thread
 from .scene_beams import Beam, BeamPart, read_beam
 from .scene_constraints import read_constraints
 from .scene_forces import read_forces
+from .scene_obstacles import read_plates
+from .scene_rotation import read_rotation
 from .scene_springs import Discs, read_span, read_springs
 from .scene_tables import Table, given
 from .scene_units import (
     ACCELERATION,
-    ANGLE,
     AREA,
     COMPLIANCE,
     INERTIA,
@@ -52,12 +53,12 @@ def read_robot(table: Table) -> RobotPart:
     chambers = _read_chambers(table, discs.number)
     damping = _read_damping(table, discs.number)
     forces = read_forces(table, discs)
-    constraints = read_constraints(table, discs.number)
+    constraints, plates = read_constraints(table, discs.number), read_plates(table)
     table.close()
     robot = None
     if len(table.faults) == before:
         parts = (discs.discs, threads, springs, chambers, damping)
-        acting = {"forces": forces, "constraints": constraints}
+        acting = {"forces": forces, "constraints": constraints, "plates": plates}
         robot = table.make(Robot, *parts, up=up, gravity=gravity, **acting)
     return RobotPart(robot, discs.number, None if chambers is None else len(chambers))
 
@@ -68,13 +69,14 @@ def _of_beam(table: Table, part: BeamPart, before: int) -> RobotPart:
     if beam is None or n_discs is None or robot is None:
         read_forces(table, Discs([], [], None))
         read_constraints(table, None)
+        read_plates(table)
         table.close()
         return RobotPart(None, n_discs, None)
     forces = read_forces(table, Discs(list(robot.discs), [beam.radius] * n_discs, n_discs))
-    constraints = read_constraints(table, n_discs)
+    constraints, plates = read_constraints(table, n_discs), read_plates(table)
     table.close()
     if len(table.faults) == before:
-        robot = table.make(replace, robot, forces=forces, constraints=constraints)
+        robot = table.make(replace, robot, forces=forces, constraints=constraints, plates=plates)
     return RobotPart(robot, n_discs, len(robot.chambers), beam)
 
 
@@ -157,18 +159,6 @@ def _read_thread(part: Table) -> Thread | None:
     }
     part.close()
     return part.make(Thread, length, **given(fields))
-
-
-def read_rotation(part: Table, key: str) -> np.ndarray | None:
-    """Rx(a) Ry(b) Rz(c) from the angles (a, b, c)."""
-    angles = part.array(key, (3,), ANGLE, default=None)
-    if angles is None:
-        return None
-    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
-    about_y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
-    about_z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
-    return about_x @ about_y @ about_z
 
 
 def _read_chambers(table: Table, n_discs: int | None) -> list[Chamber | None] | None:

@@ -23,7 +23,7 @@ import numpy as np
 from .errors import ModelError, SceneError
 from .estimation import Estimation
 from .sampled import NAME_PATTERN, Sampled
-from .scene_robot import read_rotation
+from .scene_rotation import read_rotation
 from .scene_tables import Table, given
 from .scene_units import ANGLE, ANGLE_RATE, LENGTH, MASS, PRESSURE, TIME
 from .sensors import IMU, Bend, Coordinates, Lengths, Marker, Orientation, PressureSensor

@@ -11,6 +11,8 @@ from tqdm import tqdm
 from . import checks
 from .commands import CommandLike, command_pieces, sampled
 from .constraints.examine import on_constraints
+from .contact.report import touched
+from .contact.start import free_start, rigid
 from .errors import ChartError, SimulationError
 from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
@@ -25,6 +27,11 @@ from .scene import Scene
 _IMBALANCE_MAX = 0.1
 # A progress bar appears on a terminal when the run takes longer than this [s].
 _PATIENCE_S = 1.0
+# Energies below this share of weight times length are not worth balancing.
+_LEAST = 1e-9
+# Of rigid contact, where no step is given [s].
+_STEP_S = 1e-3
+TIME_STEPPING = "moreau"
 
 
 def simulate(
@@ -100,10 +107,14 @@ def simulate(
         raise _error("method", f"one of {', '.join(METHODS)}", repr(name))
     step_s = scene.step_s if step_s is None and scene else step_s
     t_end = checks.number("t_end", t_end, positive=True, error=_error)
+    if rigid(model):
+        name, step_s = _stepping(name, step_s)
     theta = _theta(model, theta)
     x0, held = on_constraints(model, checks.array("x0", x0, (model.n_x,), error=_error), theta)
     if held and name in SYMPLECTIC:
         raise _error("method", "one that keeps constraints, such as rodas4 or sdirk2", repr(name))
+    x0, freed = free_start(model, x0, theta)
+    held = "; ".join(filter(None, (held, freed)))
     problem = Problem(
         model=model,
         x0=x0,
@@ -129,6 +140,15 @@ def simulate(
         run = replace(run, message=f"{run.message}; {held}")
     warn_above_rating(model.robot, run.pressure)
     return run
+
+
+def _stepping(name: str, step_s: float | None) -> tuple[str, float | None]:
+    """Method and step where there is rigid contact."""
+    if name not in ("auto", TIME_STEPPING):
+        raise _error(
+            "method", f"{TIME_STEPPING} or auto, as the scene has rigid contact", repr(name)
+        )
+    return TIME_STEPPING, _STEP_S if step_s is None else step_s
 
 
 def _before(scene: Scene | None, model: Model) -> np.ndarray | None:
@@ -173,7 +193,9 @@ def _integrated(problem: Problem, name: str) -> Run:
     t, n = trajectory.t, model.n_u
     at = samples_of(t)
     nodes = sampled(problem.pieces, gauss_nodes(t), n)
-    energy = energy_balance(model, trajectory, nodes, at)
+    ends = t[:-1] + (1 - 1e-9) * np.diff(t)
+    hit = touched(model, trajectory, sampled(problem.pieces, ends, n)) if rigid(model) else None
+    energy = energy_balance(model, trajectory, nodes, at, hit)
     failure = trajectory.failure or _imbalance(model, trajectory, energy)
     steps = len(t) - 1
 
@@ -202,6 +224,7 @@ def _integrated(problem: Problem, name: str) -> Run:
         evaluations=trajectory.evaluations,
         wall_time=wall_time,
         dense=dense,
+        touched=hit,
     )
 
 
@@ -209,6 +232,11 @@ def _imbalance(model: Model, trajectory: Trajectory, energy: dict[str, np.ndarra
     """A sentence when finite states do not even balance their energy, or nothing."""
     if model.options.velocity_terms != "full" or len(trajectory.t) < 2:
         return ""
+    smallest = _LEAST * model.robot.weight * model.robot.length
+    if np.max(np.abs(energy["residual"])) <= smallest:
+        return ""
+    if trajectory.method == TIME_STEPPING:  # it loses energy by itself, as implicit Euler does
+        energy = {**energy, "residual": np.maximum(energy["residual"], 0)}
     share = float(imbalance(energy))
     if share <= _IMBALANCE_MAX:
         return ""

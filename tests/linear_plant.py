@@ -113,6 +113,7 @@ class Linear:
             force=ca.Function("force", [q, v, u, theta], [force]) if not n_z else form,
             rates=ca.Function("rates", [q, a, theta], [rates]),
             projection=None,
+            rims=None,
             native=False,
             kind=kind,
         )

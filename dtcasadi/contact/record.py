@@ -1,6 +1,6 @@
 """Who touched what in a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ class Contacts:
     Attributes:
         t: when, shape (n,), rising [s].
         disc: number of the disc, shape (n,).
-        obstacle: number of the obstacle from 1, shape (n,).
+        obstacle: number of the obstacle from 1; 0: the plate of another disc; shape (n,).
         point: number of the rim point from 1, shape (n,).
         place: where, in the root's frame, shape (n, 3) [m].
         force: on the disc, in the root's frame, shape (n, 3) [N].
@@ -50,6 +50,7 @@ def pairs(model: "Model") -> np.ndarray:
     found = [
         (disc, k, point)
         for k, obstacle in enumerate(robot.obstacles, 1)
+        if not obstacle.rigid
         for disc in obstacle.touching(robot.n_discs)
         for point in range(1, obstacle.rim_points + 1)
     ]
@@ -58,6 +59,33 @@ def pairs(model: "Model") -> np.ndarray:
 
 def contacts_of(run: "Run") -> Contacts:
     """The contacts at the times of a run."""
+    compliant = _compliant(run)
+    if run.touched is None:
+        return compliant
+    rigid = _at_times(run.touched.contacts, run.touched.t, run.t)
+    if not len(compliant):
+        return rigid
+    both = [np.concatenate(pair) for pair in zip(_columns(compliant), _columns(rigid), strict=True)]
+    order = np.argsort(both[0], kind="stable")
+    return Contacts(*(column[order] for column in both))
+
+
+def _columns(contacts: Contacts) -> list[np.ndarray]:
+    return [getattr(contacts, each.name) for each in fields(contacts)]
+
+
+def _at_times(contacts: Contacts, grid: np.ndarray, times: np.ndarray) -> Contacts:
+    """The contacts of the steps that hold the times."""
+    ends = grid[np.searchsorted(grid, times, side="left")]
+    first = np.searchsorted(contacts.t, ends, side="left")
+    counts = np.searchsorted(contacts.t, ends, side="right") - first
+    places = [np.arange(a, a + n) for a, n in zip(first, counts, strict=True)]
+    chosen = np.concatenate([np.zeros(0, dtype=int), *places])
+    columns = [column[chosen] for column in _columns(contacts)]
+    return Contacts(np.repeat(times, counts), *columns[1:])
+
+
+def _compliant(run: "Run") -> Contacts:
     model = run.model
     who = pairs(model)
     n, steps = len(who), len(run.t)

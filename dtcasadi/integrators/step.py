@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from ..contact.stepping import Rims
 from ..jacobians import ImplicitForm
 from ..linear import Factored
 
@@ -21,6 +22,7 @@ class Plant:
         force: dL/dq + Q (q, qd, pressure, theta), the right side of eq (7).
         rates: M^-1 p (q, p, theta).
         projection: x, theta -> x on the robot's constraints; None without any.
+        rims: the robot's rigid contacts; None without any.
         native: whether C kernels may be embedded (generated code only).
         kind: SX for small models, whose steps are one flat graph, else MX.
     """
@@ -31,6 +33,7 @@ class Plant:
     force: ca.Function
     rates: ca.Function
     projection: ca.Function | None
+    rims: Rims | None
     native: bool
     kind: Any
 

@@ -4,6 +4,7 @@ import casadi as ca
 
 from .. import functions
 from ..constraints.system import projection
+from ..contact.stepping import Moreau, for_contact, rims_of
 from ..graphs import Graphs
 from ..jacobians import implicit_form
 from .collocation import MIDPOINT, RADAU3, RADAU5, SDIRK2
@@ -18,6 +19,7 @@ _ALL: tuple[OneStep, ...] = (
     *(ROS1, ROS2, ROS3, RODAS4),
     *(SDIRK2, MIDPOINT, RADAU3, RADAU5),
     *(GAUSS2, GAUSS4),
+    Moreau(),
 )
 ONE_STEP = {method.name: method for method in _ALL}
 
@@ -31,9 +33,15 @@ def plant_of(g: Graphs) -> Plant:
         force=functions.canonical_force(g),
         rates=functions.canonical_rates(g),
         projection=projection(g) if g.robot.constraints else None,
+        rims=rims_of(g),
         native=g.native,
         kind=ca.SX if g.inlined else ca.MX,
     )
+
+
+def suited(method: OneStep, plant: Plant) -> Plant:
+    """The plant in the form that the method's steps take."""
+    return for_contact(plant) if isinstance(method, Moreau) else plant
 
 
 def symbols(plant: Plant) -> At:
@@ -51,6 +59,7 @@ def symbols(plant: Plant) -> At:
 
 def step_function(method: OneStep, plant: Plant) -> ca.Function:
     """The step with free size: x, u, du, h, theta -> x_next, error, slack."""
+    plant = suited(method, plant)
     at = symbols(plant)
     step = taken(method, plant, at)
     ports = ["x_next", "error", "slack"]

@@ -25,6 +25,7 @@ import numpy as np
 
 from ..bound import Bound
 from ..compile import load_library
+from ..contact.detect import candidates_of
 from ..errors import StaticsError
 from ..kernels.recentring import absorbed
 from ..model import Model
@@ -323,6 +324,11 @@ def search_of(model: Model) -> Search:
     if model.robot.constraints:
         got = len(model.robot.constraints)
         raise StaticsError(f"model: expected a robot without constraints, got {got}")
+    if candidates_of(model.robot) is not None:
+        raise StaticsError(
+            "model: expected compliant contact, got rigid obstacles or plates; give the obstacles "
+            "a penetration"
+        )
 
     def build() -> Search:
         native = model.graphs[0]
