@@ -62,24 +62,8 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     disc = 4 | "all"            "all": such a force on every disc from 2 on; point: default the
                                 centre of mass
 
-    [[robot.constraints]] *     see `dtcasadi.constraints` for each
-    kind = "pinned"             disc, point, place
-    kind = "guided"             disc, point, place, along or normal
-    kind = "strap"              discs = [i, j], start, end, length
-    kind = "joined"             discs = [i, j], start, end
-
-    [robot.plates] *            discs do not pass through each other: friction *, restitution *,
-                                rim_points *
-
-    [[obstacle]] *              what discs may touch; see `dtcasadi.contact`
-    kind = "half_space"         point, normal
-    kind = "sphere"             centre, radius
-    kind = "capsule"            start, end, radius
-    kind = "box"                centre, size, orientation * (angles as bend), rounding *
-    penetration *, load * [N]   how deep a rim point sinks in under a load (default: the weight);
-                                without: rigid, by method "moreau", with restitution * = 0
-    friction * = 0.5, slip_speed * = 0.01 [m/s], dissipation * = 0 [s/m], rim_points * = 16
-    discs *                     list of the discs that may touch it; default: all but the root
+    [[robot.constraints]] *     what holds or guides discs: `dtcasadi.scene_constraints`
+    [robot.plates] *, [[obstacle]] *    what discs may touch: `dtcasadi.scene_obstacles`
 
     [model] *                   options of `dtcasadi.build`
     chart * = "cardan"          or a list of n - 1

@@ -1,4 +1,13 @@
-"""The `[[robot.constraints]]` tables of a scene file; their keys are listed in `dtcasadi.scene`."""
+"""The `[[robot.constraints]]` tables of a scene file.
+
+Keys marked * may be left out.
+
+    [[robot.constraints]] *     see `dtcasadi.constraints` for each
+    kind = "pinned"             disc, point, place
+    kind = "guided"             disc, point, place, along or normal
+    kind = "strap"              discs = [i, j], start, end, length
+    kind = "joined"             discs = [i, j], start, end
+"""
 
 from typing import Any
 

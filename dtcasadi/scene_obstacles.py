@@ -1,4 +1,20 @@
-"""The `[[obstacle]]` tables of a scene file; their keys are listed in `dtcasadi.scene`."""
+"""The tables `[robot.plates]` and `[[obstacle]]` of a scene file.
+
+Keys marked * may be left out.
+
+    [robot.plates] *            discs do not pass through each other: friction *, restitution *,
+                                rim_points *
+
+    [[obstacle]] *              what discs may touch; see `dtcasadi.contact`
+    kind = "half_space"         point, normal
+    kind = "sphere"             centre, radius
+    kind = "capsule"            start, end, radius
+    kind = "box"                centre, size, orientation * (angles as bend), rounding *
+    penetration *, load * [N]   how deep a rim point sinks in under a load (default: the weight);
+                                without: rigid, by method "moreau", with restitution * = 0
+    friction * = 0.5, slip_speed * = 0.01 [m/s], dissipation * = 0 [s/m], rim_points * = 16
+    discs *                     list of the discs that may touch it; default: all but the root
+"""
 
 from dataclasses import replace
 from typing import Any
