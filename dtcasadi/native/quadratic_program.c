@@ -184,6 +184,7 @@ while (state == 0) {
 for (i = 0; i < n; ++i) {
   CODE[row[i]] = side[i] ? zone[i] : -zone[i];
   LAMBDA[row[i]] = side[i] ? lam[i] : -lam[i];
+  if (row[i] < V && state == 0) Z[row[i]] = side[i] ? UP[row[i]] : LO[row[i]];
 }
 for (i = 0; i < V; ++i) {
   if (state == 3) Z[i] = 0;
