@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import air
+import identification
 import inflation
 import presets
 
@@ -20,5 +21,6 @@ if __name__ == "__main__":
     static_plots.diagram(dtc.branch(model, "pressure", 0.5, 20.0), FOLDER / "equilibria.png")
     inflation.draw(FOLDER / "inflation.png")
     presets.draw(FOLDER / "presets.png")
+    identification.draw(FOLDER / "identification.png")
     air.draw(FOLDER / "air.png")
     print(f"drawn into {FOLDER}: {run.message}")

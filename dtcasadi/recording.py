@@ -63,6 +63,7 @@ def experiment(
     *,
     t_end: float | None = None,
     values: Mapping[str, float] | None = None,
+    factors: Mapping[str, float] | None = None,
     seed: int = 0,
     **options: object,
 ) -> Log:
@@ -75,16 +76,18 @@ def experiment(
         step_s: time between rows [s].
         t_end: duration [s]; default: the scene's.
         values: other values of parameters, by path; one number for all that a path names.
+        factors: on the scene's numbers, by path.
         seed: of the noise.
         options: of `dtcasadi.build` that replace the scene's.
 
     Raises:
         SimulationError: the motion does not reach its end.
     """
-    changed = dict(values or {})
-    model = scene.build(**{**options, "parameters": tuple(changed)})
+    paths = (*(values or {}), *(factors or {}))
+    model = scene.build(**{**options, "parameters": paths})
     discrete = model.discrete(step_s, sensors=scene.sensors)
-    return experiment_of(scene, discrete, t_end=t_end, values=changed, seed=seed)
+    changed = {"values": values, "factors": factors}
+    return experiment_of(scene, discrete, t_end=t_end, **changed, seed=seed)
 
 
 def experiment_of(
@@ -93,6 +96,7 @@ def experiment_of(
     *,
     t_end: float | None = None,
     values: Mapping[str, float] | None = None,
+    factors: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> Log:
     """`experiment` with a model of the scene that has the paths free."""
@@ -103,6 +107,8 @@ def experiment_of(
     theta = model.theta0.copy()
     for path, value in (values or {}).items():
         theta[model.theta_blocks[path]] = value
+    for path, factor in (factors or {}).items():
+        theta[model.theta_blocks[path]] *= factor
     n = round((scene.t_end if t_end is None else t_end) / step_s)
     t = np.array([float(f"{k * step_s:.12g}") for k in range(n + 1)])
     run = simulate(

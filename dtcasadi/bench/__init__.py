@@ -8,6 +8,7 @@ BENCHES = {
     "accuracy": "error against beams, chains and pendulums over the number of discs, and its cost",
     "actuators": "time per call with air supply and hysteresis against direct pressure",
     "dynamics": "time per call and operations of the state equation over the number of discs",
+    "identify": "time to identify six parameters from 10 s of recorded motion",
     "inflation": "time per call with inflation by volume against the last disc's",
     "stability": "largest stable step of every method on hard scenes, or why it fails",
     "sweep": "runs per second on lanes against a process pool over the single-robot code",

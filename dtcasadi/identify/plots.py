@@ -130,7 +130,8 @@ def _intervals(axes: Any, found: Identified) -> None:
 
 def _labelled(found: Identified, k: int) -> str:
     unit = "" if found.units[k] == "x start" else f" {found.units[k]}"
-    return f"{found.names[k]}\n{found.values[k]:.4g}{unit}"
+    low, high = found.intervals[k]
+    return f"{found.names[k]}\n{low:.4g} to {high:.4g}{unit}"
 
 
 def _colours(axes: Any, found: Identified, chosen: Sequence[int]) -> None:
