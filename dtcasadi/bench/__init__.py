@@ -13,6 +13,7 @@ BENCHES = {
     "stability": "largest stable step of every method on hard scenes, or why it fails",
     "sweep": "runs per second on lanes against a process pool over the single-robot code",
     "statics": "time of an equilibrium from a cold start and of a pressure sweep with stability",
+    "work-precision": "pose error of every method against its time and evaluations on a scene",
 }
 
 __all__ = ["BENCHES"]

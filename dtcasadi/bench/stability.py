@@ -56,9 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, report: "Report") -> None:
     """Fill the map; what is known so far is kept in the JSON file all along."""
     from ..cli.common import check_target
+    from .choices import chosen
 
-    scenes = _chosen("--scenes", options.scenes, scene_choices())
-    methods = _chosen("--methods", options.methods, method_choices())
+    given = options.scenes and [name.removeprefix("stability/") for name in options.scenes]
+    scenes = chosen("--scenes", given, scene_choices())
+    methods = chosen("--methods", options.methods, method_choices())
     if options.png:
         from .stability_picture import picture
 
@@ -115,23 +117,6 @@ def _print(scene: str, row: dict[str, Any]) -> None:
     for method, cell in row.items():
         error = "" if cell["error"] is None else f", error {cell['error']:.1e}"
         print(f"    {method:9} {cell['status']:8} {cell['reason']}{error}", flush=True)
-
-
-def _chosen(option: str, given: list[str] | None, known: tuple[str, ...]) -> tuple[str, ...]:
-    """The known names among those given, in the order of the map.
-
-    Raises:
-        BenchError: a name is not known.
-    """
-    from ..errors import BenchError
-
-    if given is None:
-        return known
-    names = [name.removeprefix("stability/") for name in given]
-    for name in names:
-        if name not in known:
-            raise BenchError(f"{option}: expected names of {', '.join(known)}, got {name!r}")
-    return tuple(name for name in known if name in names)
 
 
 def _workers(text: str) -> int:

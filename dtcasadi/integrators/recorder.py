@@ -60,6 +60,14 @@ class Recorder:
         self.size += 2 * x.size
         self._thetas.append((len(t), theta))
 
+    def latest(self, n: int) -> np.ndarray:
+        """The last n times, fewer where there are not as many, shape (n,)."""
+        parts, found = 1, len(self._t[-1])
+        while found < n and parts < len(self._t):
+            parts += 1
+            found += len(self._t[-parts])
+        return np.concatenate(self._t[-parts:])[-n:]
+
     def replace_last(self, x: np.ndarray, theta: np.ndarray, segments: tuple[int, ...]) -> None:
         """The last state in re-centred coordinates."""
         self._x[-1][-1] = x

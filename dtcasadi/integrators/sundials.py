@@ -33,16 +33,19 @@ class Sundials:
         ode = problem.model.compiled("ode")
         pieces = affine(self.name, problem)
         t, x, failure = pieces[0].t_start, problem.x0, ""
+        evaluations = 0
         times, states = [t], [x]
         rates = [ode(x, pieces[0](t), problem.theta)]
         for piece in pieces:
             grid = np.linspace(piece.t_start, piece.t_end, GRID + 1)
+            solver = self._solver(problem, piece, grid)
             try:
-                found = np.array(self._solver(problem, piece, grid)(x0=x)["xf"]).T
+                found = np.array(solver(x0=x)["xf"]).T
             except RuntimeError as error:
                 reason = str(error).strip().splitlines()[-1]
                 failure = f"{self.name}: stopped after t = {times[-1]:.6g} s: {reason[:200]}"
                 break
+            evaluations += int(solver.stats()["nfevals"])
             if not np.all(np.isfinite(found)):
                 failure = f"{self.name}: the state was not finite after t = {times[-1]:.6g} s"
                 break
@@ -64,6 +67,7 @@ class Sundials:
             lambda nodes: spline(nodes).T if spline is not None else all_x[:, :0],
             self.name,
             failure,
+            evaluations=evaluations,
         )
 
     def _solver(self, problem: Problem, piece: Piece, grid: np.ndarray) -> ca.Function:
