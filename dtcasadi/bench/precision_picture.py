@@ -152,7 +152,8 @@ def _label(model: tuple[str, str, int], base: tuple[str, str, int]) -> str:
     chart, velocity, n_discs = model
     parts = []
     if chart != base[0]:
-        parts.append("planar" if chart == "planar" else f"chart {chart}")
+        names = {"planar": "planar", "cardan": "in space"}
+        parts.append(names.get(chart, f"chart {chart}"))
     if velocity != base[1]:
         text = "no velocity terms" if velocity == "none" else f"velocity terms {velocity}"
         parts.append(text)

@@ -8,6 +8,7 @@ import numpy as np
 from ..integrators import METHODS, ONE_STEP, Trajectory
 from ..integrators.package import Package
 from ..integrators.problem import Problem
+from ..integrators.sundials import Sundials
 from ..model import Model
 from ..recentring import chart_limit
 from ..scene import Scene
@@ -142,8 +143,10 @@ def _adaptive(scene: Scene, model: Model, method: str, reference: Reference) -> 
     if outcome.end is None:
         status = "refused" if outcome.kind == "singular" else "failed"
         return Cell(status, outcome.reason, kind=outcome.kind)
-    text = f"in {outcome.steps} steps of its own"
-    return Cell("ok", text, None, _error(outcome.end, reference), steps=outcome.steps)
+    # Those of SUNDIALS tell output times instead of steps.
+    steps = None if isinstance(METHODS[method], Sundials) else outcome.steps
+    text = "with steps of its own" if steps is None else f"in {steps} steps of its own"
+    return Cell("ok", text, None, _error(outcome.end, reference), steps=steps)
 
 
 def _simulated(scene: Scene, model: Model) -> tuple[Model, Trajectory]:

@@ -86,6 +86,8 @@ def kinds(scene: "Scene", methods: Sequence[str], *, own_model: bool) -> list["K
         found.append(Kind("planar", "planar", velocity, n, tuple(methods)))
     if own == "cardan":
         found.append(Kind("chart paper", "paper", velocity, n, few))
+    if own == "planar":
+        found.append(Kind("in space", "cardan", velocity, n, few))
     found += [
         Kind(f"velocity terms {terms}", own, terms, n, few)
         for terms in ("paper", "none")

@@ -21,6 +21,7 @@ from .loop_twin import twin_loop
 _CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_double, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double)
 )
+_NO_CALLBACK = _CALLBACK()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Loop:
         guard: np.ndarray,
         x: np.ndarray,
         guards: Guards = NO_GUARDS,
+        work: "Work | None" = None,
     ) -> tuple[Stop, np.ndarray, np.ndarray]:
         """Advance x in place; at most `state.capacity` steps.
 
@@ -55,19 +57,27 @@ class Loop:
             x: state, shape (n_x,); updated.
             guards: functions whose sign changes stop the loop just behind the change;
                 `state.event` is the one that did.
+            work: buffers of an earlier call, of this loop and thread.
 
         Returns:
-            Why it stopped, and times (n,) and states (n, n_x) of the accepted steps.
+            Why it stopped, and times (n,) and states (n, n_x) of the accepted steps; with `work`,
+            the next call overwrites them.
         """
-        t_out = np.empty(state.capacity)
-        x_out = np.empty((state.capacity, len(x)))
+        work = self.work(len(x)) if work is None else work
+        t_out, x_out = work.outputs(state.capacity)
         state.n_guard, state.n_events = len(guard), len(guards.directions)
         if self.library is None:
             step = Bound(self.step)
             why = twin_loop(step, state, command, theta, guard, guards, x, t_out, x_out)
         else:
-            why = self._native(state, command, theta, guard, guards, x, t_out, x_out)
+            why = self._native(state, command, theta, guard, guards, x, work)
         return why, t_out[: state.stored], x_out[: state.stored]
+
+    def work(self, n_x: int) -> "Work":
+        """Buffers for many calls of `run` in one thread."""
+        sizes = (self.step.sz_arg(), self.step.sz_res(), self.step.sz_iw(), self.step.sz_w())
+        pointers = [np.zeros(n, dtype=np.uintp) for n in sizes[:2]]
+        return Work(n_x, (*pointers, np.zeros(sizes[2], dtype=np.int64), np.zeros(sizes[3])))
 
     def _native(
         self,
@@ -77,12 +87,8 @@ class Loop:
         guard: np.ndarray,
         guards: Guards,
         x: np.ndarray,
-        t_out: np.ndarray,
-        x_out: np.ndarray,
+        work: "Work",
     ) -> Stop:
-        sizes = (self.step.sz_arg(), self.step.sz_res(), self.step.sz_iw(), self.step.sz_w())
-        pointers = [np.zeros(n, dtype=np.uintp) for n in sizes[:2]]
-        work = [np.zeros(sizes[2], dtype=np.int64), np.zeros(sizes[3])]
         n, raised = len(guards.directions), []
 
         def values_of(t: float, at: Any, values: Any) -> int:
@@ -93,16 +99,36 @@ class Loop:
                 raised.append(error)
             return len(raised)
 
-        callback = _CALLBACK(values_of) if n else _CALLBACK()
+        callback = _CALLBACK(values_of) if n else _NO_CALLBACK
         before = [*command, theta, np.ascontiguousarray(guard, dtype=np.int64)]
-        after = [guards.directions, np.zeros(3 * n), x, t_out, x_out, *pointers, *work]
+        events = [guards.directions, np.zeros(3 * n)]
         assert self.library is not None
         code = self.library.dtc_integrate(
-            ctypes.byref(state), *map(_pointer, before), callback, *map(_pointer, after)
+            ctypes.byref(state),
+            *map(_pointer, before),
+            callback,
+            *map(_pointer, events),
+            _pointer(x),
+            *work.pointers,
         )
         if raised:
             raise raised[0]
         return Stop(code)
+
+
+class Work:
+    """Buffers of a loop's calls in one thread: outputs, and what the generated step works in."""
+
+    def __init__(self, n_x: int, scratch: tuple[np.ndarray, ...]):
+        self._n_x, self._scratch, self._capacity = n_x, scratch, 0
+
+    def outputs(self, capacity: int) -> tuple[np.ndarray, np.ndarray]:
+        """Room for the times and states of so many steps."""
+        if capacity > self._capacity:
+            self._capacity = capacity
+            self._t, self._x = np.empty(capacity), np.empty((capacity, self._n_x))
+            self.pointers = [_pointer(array) for array in (self._t, self._x, *self._scratch)]
+        return self._t, self._x
 
 
 def build_loop(step: ca.Function, fallback: ca.Function) -> Loop:

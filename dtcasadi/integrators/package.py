@@ -12,7 +12,7 @@ from ..events import Passed, guards_of
 from ..model import Model
 from ..profile import Piece
 from ..recentring import LIMIT, NEAR, chart_limit, guard_indices, off_centre, singular_angles
-from .loop import Loop, build_loop
+from .loop import Loop, Work, build_loop
 from .loop_state import LoopState, Stop, Watched
 from .problem import Problem, Trajectory
 from .recorder import Recorder, Sink, segment_of
@@ -126,6 +126,7 @@ class Advance:
         self.t = problem.pieces[0].t_start
         self.h: float | None = None
         self._watched = watched(problem.model)
+        self._work: dict[str, Work] = {}
 
     def over(self, method: Package, piece: Piece, t_end: float, most: int | None = None) -> str:
         """Advance to t_end inside a piece (or `most` steps); returns why it failed, or nothing.
@@ -134,12 +135,22 @@ class Advance:
         """
         state = self._state(method, piece, t_end)
         loop = method.loop(self.problem.model)
+        if method.name not in self._work:
+            self._work[method.name] = loop.work(len(self.x))
         command = (piece(piece.t_start), np.asarray(piece.slope, dtype=float))
         state.capacity = CHUNK if most is None else most
         tried = rejected = 0
         while True:
             guards = guards_of(self.problem.events, self.theta)
-            why, t, x = loop.run(state, command, self.theta, self._watched, self.x, guards)
+            why, t, x = loop.run(
+                state,
+                command,
+                self.theta,
+                self._watched,
+                self.x,
+                guards,
+                self._work[method.name],
+            )
             self.recorder.add(t, x, self.theta)
             self.recorder.rejected += state.rejected - rejected
             done = state.accepted + state.rejected
