@@ -76,7 +76,9 @@ def faulty(controller: PressureMPC, x: np.ndarray, fault: str, rng: np.random.Ge
     elif fault == "memory at random":
         controller.memory = rng.normal(size=len(memory)) * 10.0 ** rng.uniform(-3, 30)
     if fault.startswith("memory"):
-        controller.command = np.clip(np.nan_to_num(controller.memory[n_plan : n_plan + 1]), LOW, HIGH)
+        controller.command = np.clip(
+            np.nan_to_num(controller.memory[n_plan : n_plan + 1]), LOW, HIGH
+        )
     before = controller.command
     bad = theta * np.nan if fault == "parameters not a number" else None
     found = controller.step(states.get(fault, x), reference=wishes.get(fault), theta=bad)

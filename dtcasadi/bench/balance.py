@@ -23,7 +23,7 @@ def energy_defect(scene: Scene, motion: Motion) -> float | None:
         return None
     pieces = scene.pressure.pieces(0.0, scene.t_end)
     command = sampled(pieces, gauss_nodes(found.t), model.n_u)
-    return imbalance(energy_balance(model, found, command, samples_of(found.t)))
+    return float(imbalance(energy_balance(model, found, command, samples_of(found.t))))
 
 
 def momentum_defect(scene: Scene, motion: Motion) -> float | None:

@@ -105,7 +105,7 @@ def _methods(axes: Axes, points: Sequence["Point"], key: str, factor: float) -> 
 def _frontier(axes: Axes, points: Sequence["Point"]) -> None:
     rows = sorted((p for p in points if p.on_frontier), key=lambda p: p.wall_s)
     x, y = [p.wall_s * 1e3 for p in rows], [max(p.error, _SMALLEST) for p in rows]
-    style = {"linewidth": 7, "alpha": 0.2, "solid_capstyle": "round", "zorder": 0}
+    style: dict[str, Any] = {"linewidth": 7, "alpha": 0.2, "solid_capstyle": "round", "zorder": 0}
     axes.plot(x, y, color=GREY, drawstyle="steps-post", label="frontier", **style)
 
 
