@@ -4,7 +4,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,13 +16,14 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from tqdm import tqdm
 
 from .artists import SIGNS_HEIGHT, Box, add_signs, legend_handles, set_stage, signs_width
 from .motion import Motion
 from .result import Run
-from .style import PictureError, checked_suffix, new_figure, styled
+from .style import ORANGE, PictureError, checked_suffix, new_figure, styled
 
 SUFFIXES = (".gif", ".mp4")
 # Moving pictures are looked at closely by nobody, and each frame costs time.
@@ -42,6 +43,7 @@ def animate(
     speed: float = 1.0,
     max_frames: int = 500,
     view: str | None = None,
+    ahead: Callable[[float], np.ndarray] | None = None,
 ) -> Path:
     """Write a run as a moving picture.
 
@@ -54,6 +56,8 @@ def animate(
         speed: simulated seconds per second shown.
         max_frames: most frames to draw.
         view: as in `plots.filmstrip`.
+        ahead: time [s] -> points in the root frame, shape (n, 3) [m], drawn as a line in the first
+            panel: what was predicted then.
 
     Returns:
         The path.
@@ -71,7 +75,14 @@ def animate(
     # The name's end tells the writers the format; the folder is on the target's file system.
     with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
         scratch = Path(folder) / f"film{target.suffix.lower()}"
-        _film(writer, figure, list(zip(axes, panels.items(), strict=True)), shown_speed, scratch)
+        _film(
+            writer,
+            figure,
+            list(zip(axes, panels.items(), strict=True)),
+            shown_speed,
+            scratch,
+            ahead,
+        )
         scratch.replace(target)
     return target
 
@@ -222,12 +233,15 @@ def _film(
     panels: list[tuple[Axes, tuple[str, Motion]]],
     speed: float,
     file: Path,
+    ahead: Callable[[float], np.ndarray] | None = None,
 ) -> None:
     """Draw and write every frame."""
     shown = [
         (title, motion, motion.artists_on(axes), _caption_on(figure, axes, motion, title))
         for axes, (title, motion) in panels
     ]
+    line = Line2D([], [], color=ORANGE, lw=1.6, marker=".", ms=3, zorder=6)
+    panels[0][0].add_line(line)
     faster = "" if speed == 1 else _FASTER.format(speed)
     numbers = tqdm(
         range(len(shown[0][1].times)),
@@ -244,6 +258,9 @@ def _film(
                     artists.show(*motion.frame(k))
                     head = f"{title}\n" if title else ""
                     text.set_text(head + motion.caption(k) + faster)
+                if ahead is not None:
+                    motion = shown[0][1]
+                    line.set_data(*motion.view.project(ahead(float(motion.times[k]))).T)
                 writer.grab_frame()
         except BrokenPipeError:
             pass  # ffmpeg has ended; `finish` knows why

@@ -128,7 +128,7 @@ def experiment(
     return Experiment(scene, stages(discrete, problem), plant, length, model)
 
 
-def spans(profile: Profile, t_end: float, *, least: float = 0.5) -> tuple[list, list]:
+def spans(profile: Profile, t_end: float, *, least: float = 1.0) -> tuple[list, list]:
     """Spans of time in which a reference rests, and in which it moves slowly.
 
     Args:
@@ -137,13 +137,15 @@ def spans(profile: Profile, t_end: float, *, least: float = 0.5) -> tuple[list, 
         least: shortest span that counts; a quicker move is a step [s].
 
     Returns:
-        (from, to) of the second half of each rest, and of each move [s].
+        (from, to) of the third quarter of each rest, before what comes next is felt, and of each
+        move [s].
     """
     rests, moves = [], []
     for piece in profile.pieces(0.0, t_end):
-        long = piece.t_end - piece.t_start >= least
+        span = piece.t_end - piece.t_start
+        long = span >= least
         if long and not np.any(piece.slope):
-            rests.append(((piece.t_start + piece.t_end) / 2, piece.t_end))
+            rests.append((piece.t_start + 0.5 * span, piece.t_start + 0.75 * span))
         elif long:
             moves.append((piece.t_start, piece.t_end))
     return rests, moves

@@ -95,7 +95,7 @@ def test_a_scene_becomes_a_problem_and_a_plant_that_differs():
     assert not np.any(found.plant.changes(0.4)["wrench"])
     assert np.array_equal(found.plant.changes(0.6)["wrench"], [0, 0.1, 0, 0, 0, 0])
     rests, moves = spans(scene.control.reference, 2.0)
-    assert rests == [(0.5, 1.0)] and moves == [(1.0, 2.0)]
+    assert rests == [(0.5, 0.75)] and moves == [(1.0, 2.0)]
 
 
 WRONG = [

@@ -16,6 +16,7 @@ COMMANDS = {
     "simulate": "simulate a scene",
     "statics": "find where a robot rests, or follow that under changing loads",
     "codegen": "write the functions of a scene as C or text, for other programs",
+    "mpc": "control a robot's pressures in closed loop, with an estimator",
     "estimate": "estimate a robot's state and a contact force from its sensors",
     "sweep": "run a scene for many values of its numbers",
     "identify": "find a robot's parameters in recorded motions, with confidence intervals",
