@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from dtcasadi.animate import animate
 from dtcasadi.errors import ControlError
@@ -22,12 +23,12 @@ _HORIZONS = 40
 
 
 @styled
-def picture(loop: Loop, path: str | Path | None = None, *, title: str = "") -> Path | None:
+def picture(loop: Loop, path: str | Path | None = None, *, title: str = "") -> Figure:
     """Outputs with references and predictions, commands with limits, and the time of each call.
 
     Args:
         loop: what happened.
-        path: a .png, .svg or .pdf file.
+        path: a .png, .svg or .pdf file, if it is to be written.
         title: over the picture.
 
     Raises:
@@ -45,8 +46,7 @@ def picture(loop: Loop, path: str | Path | None = None, *, title: str = "") -> P
     axes[-1].set_xlim(loop.t[0], loop.t[-1])
     if title:
         figure.suptitle(title, fontsize=10)
-    finished(figure, path)
-    return None if path is None else Path(path)
+    return finished(figure, path)
 
 
 def _output(axes: Axes, loop: Loop, k: int) -> None:
@@ -65,7 +65,8 @@ def _output(axes: Axes, loop: Loop, k: int) -> None:
     axes.plot(loop.t, factor * loop.reference[:, k], color=BLACK, ls="--", lw=1, label="reference")
     axes.plot(loop.t, factor * loop.y[:, k], color=LINES[0], label="true output", zorder=4)
     _room(axes, factor * np.concatenate([loop.y[:, k], loop.reference[:, k]]))
-    axes.set_ylabel(f"{name.replace('.', ' ')} [{shown}]" if shown else name)
+    words = name.replace(".", " ")
+    axes.set_ylabel(f"{words} [{shown}]" if shown else words)
     _legend(axes)
 
 
@@ -77,8 +78,7 @@ def _commands(axes: Axes, loop: Loop) -> None:
         axes.plot(loop.t, 1e-3 * loop.u[:, k], drawstyle="steps-post", color=color, label=label)
     limits = np.unique(np.concatenate([s.lower[0], s.upper[0]]))
     for i, limit in enumerate(limits[np.isfinite(limits)]):
-        label = "limits" if i == 0 else None
-        axes.axhline(1e-3 * limit, color=GREY, ls=":", lw=1, label=label)
+        axes.axhline(1e-3 * limit, color=GREY, ls=":", lw=1, label="" if i else "limits")
     _room(axes, 1e-3 * np.concatenate([loop.u.ravel(), limits[np.isfinite(limits)]]))
     axes.set_ylabel("pressure [kPa]")
     _legend(axes)
@@ -122,7 +122,7 @@ def film(loop: Loop, experiment: Experiment, path: str | Path, **options: object
     if model is None:
         raise ControlError("film: expected a model of a robot, got one without poses")
     poses = model.compiled("poses")
-    run = run_of_steps(experiment.plant.discrete, loop.t, loop.x, loop.u, loop.theta)
+    run = run_of_steps(experiment.robot, loop.t, loop.x, loop.u, loop.theta)
 
     def ahead(t: float) -> np.ndarray:
         k = min(int(np.searchsorted(loop.t, t + 1e-9, side="right")) - 1, len(loop.t) - 1)

@@ -37,14 +37,14 @@ class Experiment:
         stages: the problem on the controller's model.
         plant: the robot as it really is, at rest where the reference begins.
         length: of the robot's threads [m].
-        true_model: the plant's model.
+        robot: the plant's own discrete model.
     """
 
     scene: Scene
     stages: Stages
     plant: Plant
     length: float
-    true_model: Model
+    robot: DiscreteModel
 
 
 def control_of(scene: Scene) -> Control:
@@ -125,7 +125,7 @@ def experiment(
         seed=scene.estimation.seed if scene.estimation else None,
     )
     length = float(sum(thread.length for thread in scene.robot.threads))
-    return Experiment(scene, stages(discrete, problem), plant, length, model)
+    return Experiment(scene, stages(discrete, problem), plant, length, fine)
 
 
 def spans(profile: Profile, t_end: float, *, least: float = 1.0) -> tuple[list, list]:

@@ -82,7 +82,7 @@ def test_a_scene_becomes_a_problem_and_a_plant_that_differs():
     ball, plane = problem.soft
     assert isinstance(ball, Sphere) and ball.radius == 0.03 and ball.linear == 5
     assert isinstance(plane, HalfSpace) and plane.offset == 0.02
-    true = found.true_model
+    true = found.robot.model
     assert true.n_discs == 4 and s.discrete.model.n_discs == 3
     assert sum(disc.mass for disc in true.robot.discs) < 5e-3 + sum(
         disc.mass for disc in scene.rediscretised(4).robot.discs

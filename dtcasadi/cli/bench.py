@@ -7,7 +7,10 @@ from ..bench import BENCHES
 from .common import Parser, Report
 
 # Benches of the packages above this one: name -> what it measures.
-ABOVE = {"estimators": "errors of state estimators, and time of their steps in compiled C"}
+ABOVE = {
+    "estimators": "errors of state estimators, and time of their steps in compiled C",
+    "mpc": "time of a controller's step, errors and cost in closed loop, and baselines",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -73,6 +73,12 @@ class Report:
         self._section.setdefault(table, []).append(values)
         print("  " + template.format(**{k: _cell(v) for k, v in values.items()}), flush=True)
 
+    def entry(self, name: str, template: str, values: dict[str, Any]) -> None:
+        """Print a row that starts with a name, and record its values under it."""
+        self._section[name] = values
+        cells = {key: _cell(value) for key, value in values.items()}
+        print("  " + template.format(name=name, **cells), flush=True)
+
     def note(self, **values: Any) -> None:
         """Record values without printing them."""
         self._section.update(values)
