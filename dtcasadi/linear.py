@@ -30,6 +30,16 @@ def solve_spd(matrix: ca.SX | ca.MX, rhs: ca.SX | ca.MX, *, native: bool) -> ca.
     return native_function("solve_spd", ("A", "B"), ("X",), sizes, N=n, M=m)(matrix, rhs)
 
 
+def product(left: ca.SX | ca.MX, right: ca.SX | ca.MX, *, native: bool) -> ca.SX | ca.MX:
+    """The product; with `native`, MX calls the C kernel `native/multiply.c`, for generated code."""
+    n, k, m = left.shape[0], left.shape[1], right.shape[1]
+    if not native or isinstance(left, ca.SX) or not n * k * m:
+        return ca.mtimes(left, right)
+    sizes = {"A": (n, k), "B": (k, m), "C": (n, m)}
+    kernel = native_function("multiply", ("A", "B"), ("C",), sizes, N=n, K=k, M=m)
+    return kernel(ca.densify(left), ca.densify(right))
+
+
 class Factored:
     """A square matrix factored once for several solves.
 

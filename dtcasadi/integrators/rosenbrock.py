@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..linear import Factored
+from ..linear import Factored, product
 from .step import At, Plant, Sensitivity, Step, butcher_stability, combined, differentiated
 from .tableau import lower
 
@@ -103,31 +103,67 @@ class Rosenbrock:
         """Exact: the step differentiated, second derivatives of the dynamics included (slow).
 
         Otherwise J is taken as constant over the step, F_x = R(h J): off by O(h^2) terms of the
-        dynamics' second derivatives, at the cost of one more solve per stage.
+        dynamics' second derivatives, at the cost of one solve and a product per stage.
         """
         if exact:
             return self.step(plant, at), differentiated(self, plant, at)
-        x_next, error, (M, D, K, UT, W) = self._solved(plant, at)
+        x_next, error, (M, _, K, UT, W) = self._solved(plant, at)
         n, n_z = plant.form.n_q, plant.form.n_z
-        n_x, n_w = 2 * n + n_z, UT.shape[1]
+        n_x, n_w, native = 2 * n + n_z, UT.shape[1], plant.native
         sigma = 1 / (at.h * self.gamma)
-        # Columns: the directions [x, u, theta]; each stage is linear in them with J frozen.
-        start = ca.horzcat(at.eye(n_x), at.zeros(n_x, n_w))
-        stages: list[ca.MX] = []
-        for i in range(self.stages):
-            moved = start + combined(self.A[i], stages) if np.any(self.A[i]) else start
-            r_q = moved[n : 2 * n, :]
-            pushed = -ca.mtimes(K[:, :n], moved[:n, :]) - ca.mtimes(D, moved[n:, :])
-            pushed = pushed - ca.horzcat(at.zeros(n + n_z, n_x), UT)
-            if i:
-                coupled = combined(self.C[i], stages) / at.h
-                r_q = r_q + coupled[:n, :]
-                pushed = pushed + ca.mtimes(M, coupled[n:, :])
-            k_v = W.solve(pushed - ca.mtimes(K[:, :n], r_q) / sigma)
-            stages.append(ca.vertcat((r_q + k_v[:n, :]) / sigma, k_v))
-        total = start + combined(self.m, stages)
-        blocks = ca.horzsplit(total, [0, n_x, n_x + at.u.shape[0], n_x + n_w])
-        return Step(x_next, error, at.zeros(1), at.zeros(1)), Sensitivity(*blocks)
+        # The powers of S = (I - h gamma J)^-1 by their rows for the rates and actuator states, from
+        # which those for q follow: one solve for S itself, then products.
+        first = W.solve(ca.horzcat(-K[:, :n], sigma * M, -sigma * UT))
+        by_q, by_v = first[:, :n], first[:, n:n_x]
+        bent = by_v + ca.horzcat(by_q, at.zeros(n + n_z, n_z)) / sigma
+        begin = ca.horzcat(by_q, at.zeros(n + n_z, n_x - n + n_w))
+        powers, before = [first], at.zeros(n, n_x + n_w)
+        for k in range(1, self.stages):
+            power = begin + product(bent, powers[-1], native=native)
+            if k > 1:
+                power = power + product(by_q, before, native=native)
+            before = before + powers[-1][:n, :] / sigma
+            powers.append(power)
+        moved, pushed = self._polynomials()
+        # Of S^k in the rows of rates, and of what they add to q.
+        weights = [(moved[k:], pushed[k:]) for k in range(1, self.stages + 1)]
+        sides = [ca.horzsplit(power, [0, n_x, n_x + n_w]) for power in powers]
+        rates = [
+            _sum([(w[side][0], part[side]) for w, part in zip(weights, sides, strict=True)])
+            for side in (0, 1)
+        ]
+        turns = [
+            _sum(
+                [(w[side].sum(), part[side][:n, :]) for w, part in zip(weights, sides, strict=True)]
+            )
+            for side in (0, 1)
+        ]
+        same = ca.horzcat(at.eye(n), at.zeros(n, n_x - n))
+        F_x = ca.vertcat(same + turns[0] / sigma, rates[0])
+        F_w = at.h * ca.vertcat(turns[1] / sigma, rates[1])
+        blocks = ca.horzsplit(F_w, [0, at.u.shape[0], n_w])
+        return Step(x_next, error, at.zeros(1), at.zeros(1)), Sensitivity(F_x, *blocks)
+
+    def _polynomials(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients of R in the powers of s = 1 / (1 - gamma z), and those for an input over h.
+
+        The stages of x' = lambda x + w, each a polynomial in s by the form above; both have no
+        constant term, as R(infinity) = 0. Shape (stages + 1,) each.
+        """
+        n = self.stages + 1
+
+        def shifted(values: np.ndarray) -> np.ndarray:
+            return np.concatenate([[0.0], values[:-1]])
+
+        found = []
+        for start, push in ((1.0, 0.0), (0.0, 1.0)):
+            begin, stages = np.eye(1, n)[0] * start, np.zeros((self.stages, n))
+            for i in range(self.stages):
+                moved = begin + self.A[i] @ stages
+                driven = np.eye(1, n)[0] * push + self.C[i] @ stages
+                stages[i] = shifted(moved) - moved + self.gamma * shifted(driven)
+            found.append(begin + self.m @ stages)
+        return found[0], found[1]
 
     def _solved(self, plant: Plant, at: At) -> tuple[ca.MX, ca.MX, tuple]:
         """x_next, the error estimate and the matrices of the step."""
@@ -155,6 +191,11 @@ class Rosenbrock:
             stages.append(ca.vertcat((r_q + k_v[:n]) / sigma, k_v))
         matrices = (M, D, K, ca.horzcat(U, T), W)
         return at.x + combined(self.m, stages), combined(self.e, stages), matrices
+
+
+def _sum(terms: list[tuple[float, ca.MX]]) -> ca.MX:
+    """Weighted sum."""
+    return sum((weight * part for weight, part in terms[1:]), terms[0][0] * terms[0][1])
 
 
 def _defects(b: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> list[float]:
