@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import air
+import estimation
 import identification
 import inflation
 import presets
@@ -23,4 +24,5 @@ if __name__ == "__main__":
     presets.draw(FOLDER / "presets.png")
     identification.draw(FOLDER / "identification.png")
     air.draw(FOLDER / "air.png")
+    estimation.draw(FOLDER / "estimation.png")
     print(f"drawn into {FOLDER}: {run.message}")

@@ -1,8 +1,8 @@
 /* Filters a log with an exported EKF: reads the CSV that `dtcasadi estimate --save-log` writes from
  * standard input and prints time, first coordinate and contact force along y, row by row.
  *
- * `filter.h`, `filter.c` and `start.h` are written by examples/filter_log.py. All memory is static;
- * the same text serves double and single precision. */
+ * `filter.h`, `filter.c`, `filter_core.c` and `start.h` are written by examples/filter_log.py. All
+ * memory is static; the same text serves double and single precision. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

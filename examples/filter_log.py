@@ -1,8 +1,8 @@
 """The filter of a scene as C, and a C program that filters a log with it.
 
 `python examples/filter_log.py folder` writes the exported EKF, `start.h`, `filter_log.c` and a
-simulated log into the folder. There, `cc -O2 filter_log.c filter.c -lm -o filter_log` and
-`./filter_log < log.csv` filter it. With a second word, `single`, in single precision.
+simulated log into the folder. There, `cc -O2 filter_log.c filter.c filter_core.c -lm -o filter_log`
+and `./filter_log < log.csv` filter it. With a second word, `single`, in single precision.
 """
 
 import shutil

@@ -1,4 +1,4 @@
-"""Hard cases of both estimators: re-centring on the way, outlier bursts, an hour at rest, faults."""
+"""Hard cases of both: re-centring, outlier bursts, gaps, a dead chip, an hour at rest."""
 
 from dataclasses import replace
 
