@@ -11,6 +11,7 @@ from .actuators import (
     Regulator,
     Valve,
 )
+from .advise import Advice, advise
 from .batch import Batch, batch
 from .charts import convert
 from .codegen import export_c
@@ -41,6 +42,7 @@ from .sweep import Sweep, sweep
 
 __all__ = [
     "Actuator",
+    "Advice",
     "Batch",
     "Box",
     "Branch",
@@ -81,6 +83,7 @@ __all__ = [
     "Thread",
     "Valve",
     "WallSpring",
+    "advise",
     "batch",
     "branch",
     "build",

@@ -18,6 +18,7 @@ COMMANDS = {
     "codegen": "write the functions of a scene as C or text, for other programs",
     "mpc": "control a robot's pressures in closed loop, with an estimator",
     "estimate": "estimate a robot's state and a contact force from its sensors",
+    "advise": "say how much of the model a scene needs",
     "sweep": "run a scene for many values of its numbers",
     "identify": "find a robot's parameters in recorded motions, with confidence intervals",
     "bench": "time the compiled functions on this machine",

@@ -1,0 +1,76 @@
+"""Scenes for the adviser's tests, and what a model's error really is."""
+
+import numpy as np
+
+import dtcasadi as dtc
+from dtcasadi.advise.lab import Lab
+from dtcasadi.scene import parse_scene
+
+TUBE = """\
+schema = 1
+name = "tube"
+[robot]
+up = [0, {up}, 0]
+[robot.tube]
+n_discs = 5
+length_mm = 200
+radius_mm = 20
+wall_thickness_mm = 1.5
+youngs_modulus_mpa = 0.593
+poissons_ratio = 0.5
+density = 1080
+twist_deg = {twist}
+payload = {payload}
+retardation_time = {retardation}
+[model]
+inflation = "volume"
+chart = "{chart}"
+[pressure]
+times = [0, {ramp}]
+values_kpa = [0, {pressure}]
+kind = "linear"
+[run]
+t_end = {t_end}
+"""
+FIELDS = {
+    "up": -1,
+    "twist": 0,
+    "payload": 0,
+    "retardation": 0.02,
+    "chart": "cardan",
+    "ramp": 0.5,
+    "pressure": 10,
+    "t_end": 1.0,
+}
+
+
+def tube(**fields) -> dtc.Scene:
+    """A tube with a strip, held level, blown up."""
+    return parse_scene(TUBE.format(**{**FIELDS, **fields}).encode())
+
+
+def tip_path(scene: dtc.Scene, times: np.ndarray, **settings) -> np.ndarray:
+    """Where the centre of the last section goes, (instants, 3), by `simulate` alone."""
+    run = dtc.simulate(scene, **settings)
+    assert run.success, run.message
+    R, r = run.at(times).poses()
+    return r[:, -1] + R[:, -1] @ scene.robot.discs[-1].centre_of_mass
+
+
+def true_error(advice: dtc.Advice, finer: int | None = None, **settings) -> float:
+    """Of the advised model, against one cut `finer` segments fine (None: as it is) in space.
+
+    The truth is `simulate`'s alone: another loop, another number of discs and, where the adviser
+    found the motion planar, another chart.
+    """
+    assert advice.best is not None and advice.quantity == "tip"
+    lab = Lab(advice.given, "tip", advice.tolerance)
+    found = lab.path(advice.best.candidate).points[:, 0]
+    fine = advice.given if finer is None else advice.given.rediscretised(finer + 1)
+    truth = tip_path(fine, lab.times, **settings)
+    return distance_over_range(found, truth, lab.length)
+
+
+def distance_over_range(found: np.ndarray, truth: np.ndarray, length: float) -> float:
+    reach = np.linalg.norm(truth - truth[0], axis=1).max()
+    return np.linalg.norm(found - truth, axis=1).max() / np.clip(reach, 0.01 * length, length)
