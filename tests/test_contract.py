@@ -9,6 +9,7 @@ from c_compilers import needs_compiler
 from control_robot import rest, robot, tip
 
 from dtcasadi.errors import ControlError
+from dtcasadi.recentring import recentre
 from ocp import Action, ControlStatus, PressureMPC
 from ocp.info import StepInfo
 
@@ -219,3 +220,22 @@ def test_arguments(arguments, text):
 @pytest.mark.slow
 def test_random_faults_for_long(controller, rng):
     run_with_faults(controller, rng, 100_000)
+
+
+@pytest.mark.slow
+def test_in_space_a_re_centred_estimate_gives_the_same_plan(rng):
+    discrete = robot("cardan")
+    model, controller = discrete.model, PressureMPC(discrete, tip(horizon=20, soft=()), u0=5.0)
+    x = np.zeros(31)
+    x[-1] = 5.0
+    for _ in range(40):
+        x = discrete.compiled("step")(x, np.array([5.0]), model.theta0).x_next
+    x[:30] += 0.05 * rng.normal(size=30)
+    at, theta, _ = recentre(model, x, model.theta0, range(3))
+    assert not np.any(at[:15]) and np.max(np.abs(x[:15])) > 0.5
+    _, info = controller.step(x)
+    controller.reset(5.0)
+    _, again = controller.step(at, theta=theta)
+    assert info.status is again.status is ControlStatus.SOLVED
+    # Steps of 50 ms in other coordinates differ by their own error.
+    np.testing.assert_allclose(again.plan, info.plan, atol=1e-3)
