@@ -82,10 +82,10 @@ def test_its_steps_cost_little_more_than_the_better_methods(damping, tolerance):
 
 
 def test_where_accuracy_sets_both_steps_they_are_as_predicted():
-    """The ratio that the choice is made by, on a motion without stiffness."""
+    """To a factor of 1.6, which the choice can bear, on a motion without stiffness."""
     for tolerance in (1e-3, 1e-6, 1e-9):
         steps = [run(SOFT, name, tolerance=tolerance).steps for name in ("rodas4", "tsit5")]
-        assert steps[0] / steps[1] == pytest.approx(step_ratio(tolerance), rel=0.5)
+        assert 1 / 1.6 < steps[0] / steps[1] / step_ratio(tolerance) < 1.6
 
 
 @pytest.mark.parametrize("damping", [SOFT, SEED, STIFF])

@@ -42,7 +42,7 @@ def step_ratio(rtol: float) -> float:
     """Steps of tsit5 in steps of rodas4 where accuracy sets both: 1.8 at 1e-3, 3.7 at 1e-9.
 
     The steps go with rtol^(1/5) and rtol^(1/4), by the orders of the error estimates; the factor is
-    that of swinging robots, whose numbers of steps agree with this to 40 % from 1e-3 to 1e-10.
+    that of swinging robots, whose steps agree with this to a factor of 1.6 from 1e-3 to 1e-10.
     """
     return 1.3 * rtol ** (1 / 5 - 1 / 4)
 
