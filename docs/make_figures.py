@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import air
+import contact
 import estimation
 import identification
 import inflation
@@ -25,4 +26,5 @@ if __name__ == "__main__":
     identification.draw(FOLDER / "identification.png")
     air.draw(FOLDER / "air.png")
     estimation.draw(FOLDER / "estimation.png")
+    contact.draw(FOLDER / "contact.png")
     print(f"drawn into {FOLDER}: {run.message}")

@@ -25,7 +25,7 @@ from dtcasadi.robot import Damping
 NAMES = tuple(ONE_STEP)
 ESTIMATING = tuple(name for name, method in ONE_STEP.items() if method.error_order)
 # Every method that takes any step of a decaying mode, and damps the fastest ones at once.
-L_STABLE = ("ros1", "ros2", "ros3", "rodas4", "radau3", "radau5", "sdirk2")
+L_STABLE = ("moreau", "ros1", "ros2", "ros3", "rodas4", "radau3", "radau5", "sdirk2")
 SYMPLECTIC = ("gauss2", "gauss4")
 # The order an error falls with, read off numbers, is this close to the method's.
 SLOPE = 0.2
@@ -47,6 +47,7 @@ def test_the_methods_are_the_ones_asked_for():
         **{"euler": 1, "heun": 2, "rk4": 4, "dopri5": 5, "tsit5": 5},
         **{"ros1": 1, "ros2": 2, "ros3": 3, "rodas4": 4},
         **{"sdirk2": 2, "midpoint": 2, "radau3": 3, "radau5": 5, "gauss2": 2, "gauss4": 4},
+        "moreau": 1,
     }
     assert set(ESTIMATING) == {"dopri5", "tsit5", "ros2", "ros3", "rodas4"}
     assert set(METHODS) > {"auto", "LSODA", "Radau", "BDF", "DOP853", *NAMES}

@@ -212,7 +212,8 @@ def test_the_format_reference_names_every_key_and_suffix(monkeypatch):
     monkeypatch.setattr(Table, "take", noting)
     parse(FULL)
     parse(PRESSED + "value = 3")
-    words = set(re.findall(r"\w+", dtcasadi.scene.__doc__))
+    places = (dtcasadi.scene, dtcasadi.scene_obstacles, dtcasadi.scene_constraints)
+    words = set(re.findall(r"\w+", "".join(place.__doc__ or "" for place in places)))
     words |= {word.removesuffix("_deg") for word in words}
     coordinates = {name for chart in CHARTS.values() for name in chart.coordinate_names}
     assert len(taken) > 60

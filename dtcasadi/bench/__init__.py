@@ -7,6 +7,7 @@ is an underscore in its module's.
 BENCHES = {
     "accuracy": "error against beams, chains and pendulums over the number of discs, and its cost",
     "actuators": "time per call with air supply and hysteresis against direct pressure",
+    "contact": "time of a step with rigid contact against the same step without it",
     "dynamics": "time per call and operations of the state equation over the number of discs",
     "identify": "time to identify six parameters from 10 s of recorded motion",
     "inflation": "time per call with inflation by volume against the last disc's",

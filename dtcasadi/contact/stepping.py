@@ -114,10 +114,15 @@ class Moreau:
         return Step(done.x_next, zero, done.defect, at.zeros(1))
 
     def sensitivity(self, plant: Plant, at: At, *, exact: bool) -> tuple[Step, Sensitivity]:
-        """The step and its derivatives by central differences: of no use where contacts change."""
-        from ..integrators.step import Sensitivity
+        """The step and its derivatives: exact without contact, else by central differences.
+
+        Differences tell nothing where contacts change within them.
+        """
+        from ..integrators.step import Sensitivity, differentiated
 
         step = self.step(plant, at)
+        if plant.rims is None:
+            return step, differentiated(self, plant, at)
         free = at._replace(**{n: ca.MX.sym(n, *p.shape) for n, p in at._asdict().items()})
         function = ca.Function("stepped", list(free), [self.step(plant, free).x_next])
         n_free = plant.form.jacobian.size2_out(4)
@@ -166,7 +171,7 @@ def impulses(plant: Plant, at: At) -> Impulses:
     m = rims.candidates.size
     find = detection(rims.candidates, n, native=plant.native)
     solve = solution(m, n, n + n_z, native=plant.native)
-    normal = ca.DM(np.kron(np.eye(m), [[1.0], [0.0], [0.0]]))
+    normal = ca.sparsify(ca.DM(np.kron(np.eye(m), [[1.0], [0.0], [0.0]])))
     gap, J, mu, who, frame, place = find(*rims.places(q, at.theta), free, h)
     u_f = ca.mtimes(J, free)
     room = ca.mtimes(normal, ca.fmax(ca.fmin(gap, _CLOSE), 0)) / h

@@ -41,7 +41,8 @@ def plant_of(g: Graphs) -> Plant:
 
 def suited(method: OneStep, plant: Plant) -> Plant:
     """The plant in the form that the method's steps take."""
-    return for_contact(plant) if isinstance(method, Moreau) else plant
+    contact = isinstance(method, Moreau) and plant.rims is not None
+    return for_contact(plant) if contact else plant
 
 
 def symbols(plant: Plant) -> At:

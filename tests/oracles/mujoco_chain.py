@@ -6,7 +6,7 @@ disc's frame at the zero pose as body frame, the thread's hinges are anchored at
 mass are needed. Not for the `paper` chart: MuJoCo factors M at the zero pose, its singularity.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -38,15 +38,19 @@ def _inertial(disc) -> str:
     )
 
 
-def _xml(robot: Robot, charts: Sequence[str]) -> str:
-    """Nested bodies, disc 2 outermost."""
+def chain_xml(
+    robot: Robot, charts: Sequence[str], geoms: Callable[[int], str] = lambda disc: ""
+) -> str:
+    """Nested bodies, disc 2 outermost, each with its geoms by the disc's number."""
     head, tail = [], []
-    for thread, chart, disc in zip(robot.threads, charts, robot.discs[1:], strict=True):
+    parts = zip(robot.threads, charts, robot.discs[1:], strict=True)
+    for number, (thread, chart, disc) in enumerate(parts, 2):
         origin = thread.exit_point + thread.length * thread.bend[:, 2]
         head.append(
             f'<body pos="{_text(origin)}" quat="{_quaternion(thread.bend @ thread.twist)}">'
         )
         head.append(_inertial(disc))
+        head.append(geoms(number))
         root = -thread.length * thread.twist[2]
         places = ((thread.twist.T, root), (np.eye(3), np.zeros(3)))
         for letters, (carried, anchor) in zip(WORDS[chart], places, strict=True):
@@ -68,7 +72,7 @@ class MujocoChain:
 
     def __init__(self, robot: Robot, charts: Sequence[str]) -> None:
         """Compile the XML."""
-        self._model = mujoco.MjModel.from_xml_string(_xml(robot, charts))
+        self._model = mujoco.MjModel.from_xml_string(chain_xml(robot, charts))
         self._data = mujoco.MjData(self._model)
 
     def _forward(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> None:
