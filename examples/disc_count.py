@@ -18,15 +18,14 @@ import numpy as np
 import dtcasadi as dtc
 from dtcasadi import presets, style
 from dtcasadi.bench.dynamics import operations
-from dtcasadi.recentring import unwound
 
 SHORT = bool(os.environ.get("DTCASADI_SHORT"))
 # Segments of each robot; the two finest make the reference (Richardson, order 2).
 SEGMENTS = {"paper's robot": (2, 3, 6, 12, 24), "tentacle": (3, 6, 12), "arm": (4, 8, 16)}
 KINDS = {
-    "static": "tip at rest, over its way there",
-    "modal": "first frequency about rest",
-    "dynamic": "tip in motion, over its range",
+    "static": "tip at rest",
+    "modal": "first frequency",
+    "dynamic": "tip in motion",
 }
 
 
@@ -71,12 +70,10 @@ def figures(scene: dtc.Scene) -> dict[str, np.ndarray | float]:
     R, r = run.at(np.linspace(0.0, scene.t_end, 101)).poses()
     centre = scene.robot.discs[-1].centre_of_mass
     R_rest, r_rest = rest.poses
-    bends = unwound(model, np.append(rest.q, np.zeros(model.n_x - model.n_q)), rest.theta, "cardan")
     return {
         "static": r_rest[-1] + R_rest[-1] @ centre,
         "modal": float(rest.frequencies[0]),
         "dynamic": r[:, -1] + R[:, -1] @ centre,
-        "bend": float(np.abs(np.array(bends[0]).reshape(-1, 5)[:, [0, 2]].sum(axis=1)).max()),
         "operations": float(operations(model.function("ode"))),
         "evaluations": run.evaluations,
     }
@@ -98,7 +95,7 @@ def study(segments: dict[str, tuple[int, ...]]) -> dict:
                 off = np.linalg.norm(np.atleast_2d(np.asarray(row[kind]) - exact), axis=-1).max()
                 found[name].setdefault(m, {})[kind] = float(off / scale)
         for m, row in rows.items():
-            for key in ("bend", "operations", "evaluations"):
+            for key in ("operations", "evaluations"):
                 found[name][m][key] = row[key]
             print(name, m + 1, "discs", {k: f"{v:.3g}" for k, v in found[name][m].items()})
     return found
@@ -113,40 +110,36 @@ def _scale(kind: str, exact: np.ndarray, motion: np.ndarray) -> float:
 
 @style.styled
 def draw(found: dict, path: Path) -> None:
-    """Error against number of discs and against the bend of a segment; cost."""
-    figure = style.new_figure(style.WIDTH_IN, 0.4 * style.WIDTH_IN, layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    marks = {"static": "o", "modal": "s", "dynamic": "^"}
+    """Errors against the number of segments, the rule of thumb, and the cost."""
+    figure = style.new_figure(style.WIDTH_IN, 0.42 * style.WIDTH_IN, layout="constrained")
+    panels = figure.subplots(1, 4)
     for (name, rows), colour in zip(found.items(), style.LINES, strict=False):
         sizes = list(rows)
-        for kind, mark in marks.items():
-            errors = [rows[m][kind] for m in sizes]
-            left.plot([m + 1 for m in sizes], errors, mark + "-", color=colour, markersize=4)
-            middle.plot([rows[m]["bend"] for m in sizes], errors, mark, color=colour, markersize=5)
+        for kind, axes in zip(KINDS, panels, strict=False):
+            axes.plot(sizes, [rows[m][kind] for m in sizes], "o-", color=colour, markersize=4)
         cost = [rows[m]["operations"] * rows[m]["evaluations"] for m in sizes]
-        right.plot(cost, [rows[m]["dynamic"] for m in sizes], "^-", color=colour, label=name)
-    for kind, mark in marks.items():
-        right.plot([], [], mark, color=style.BLACK, label=f"{kind}: {KINDS[kind]}")
-    bend = np.geomspace(0.02, 1.5, 20)
-    middle.plot(bend, RULE * bend**2, "--", color=style.BLACK, linewidth=0.8)
-    middle.annotate(f"{RULE:g} bend²", (bend[9], RULE * bend[9] ** 2), xytext=(-4, 6),
-                    textcoords="offset points", ha="right")  # fmt: skip
-    labels = ("number of discs", "largest bend of a segment at rest [rad]", "instructions of a run")
-    for axes, label in zip((left, middle, right), labels, strict=True):
-        axes.set(xscale="log", yscale="log", xlabel=label)
+        errors = [rows[m]["dynamic"] for m in sizes]
+        panels[3].plot(cost, errors, "o-", color=colour, markersize=4, label=name)
+    segments = np.array([2.5, 26.0])
+    for kind, axes in zip(KINDS, panels, strict=False):
+        axes.plot(segments, RULE / segments**2, "--", color=style.BLACK, linewidth=0.8)
+        axes.set_title(f"{kind}: {KINDS[kind]}", fontsize=8.0)
+        axes.set(xlabel="number of segments", xscale="log")
+        axes.set_xticks((3, 6, 12, 24), ["3", "6", "12", "24"])
+    panels[3].plot([], [], "--", color=style.BLACK, linewidth=0.8, label=f"{RULE:g} / segments²")
+    panels[3].set(xlabel="instructions of a run", xscale="log")
+    panels[3].set_title("dynamic error and cost", fontsize=8.0)
+    for axes in panels:
+        axes.set(yscale="log", ylim=(5e-4, 1.2))
         axes.xaxis.set_minor_formatter("")
         axes.grid(color="#dddddd", linewidth=0.5)
-    left.set_ylabel("relative error")
-    right.set_ylabel("dynamic error")
-    ticks = (3, 4, 5, 7, 9, 13, 17, 25)
-    left.set_xticks(ticks, [str(tick) for tick in ticks])
-    left.tick_params(axis="x", which="minor", bottom=False)
-    figure.legend(loc="outside lower center", ncols=3)
+    panels[0].set_ylabel("relative error")
+    figure.legend(loc="outside lower center", ncols=4)
     style.finished(figure, path)
 
 
-# Error of the tip over the square of the largest bend of a segment: what the picture shows.
-RULE = 0.2
+# Error of the motion times the square of the number of segments: what the picture shows.
+RULE = 4.0
 
 
 def main() -> None:
