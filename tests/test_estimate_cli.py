@@ -75,6 +75,25 @@ def test_a_scene_is_simulated_filtered_and_drawn(scene_file, tmp_path, capsys):
     assert "25 steps" in capsys.readouterr().out
 
 
+def test_what_its_sensors_see_comes_before_filtering(scene_file, tmp_path, capsys):
+    words = ["--observability", "--bound", "1e3", "--json", str(tmp_path / "o.json")]
+    words += ["--png", str(tmp_path / "o.png")]
+    assert main(["estimate", str(scene_file), *words]) == 0
+    text, record = capsys.readouterr().out, json.loads((tmp_path / "o.json").read_text())
+    found = record["observability"]
+    assert [row["sensors"] for row in found["sets"]] == ["tip", "chip", "tip + chip"]
+    # A push across the plane moves nothing in it.
+    assert found["smallest"] == "none" and "everything: none" in text
+    assert found["unseen_directions"]["tip + chip"] == [["wrench[1]"]]
+    bits = [row["bits"] for row in found["sets"]]
+    assert max(bits[:2]) < bits[2] < sum(bits[:2])
+    assert all(row["force_error_N"] > 0 for row in found["sets"])
+    assert len(found["left"]["chip"]) == len(found["names"]) and "wrench[2]" in found["names"]
+    assert (tmp_path / "o.png").stat().st_size > 10_000
+    assert main(["estimate", str(scene_file), "--observability", "--bound", "0"]) == 2
+    assert "bound: expected a finite positive number, got 0" in capsys.readouterr().err
+
+
 def test_a_bad_log_is_one_line(scene_file, tmp_path, capsys):
     log = tmp_path / "bad.csv"
     log.write_text("t [s],tip.x [m]\n0,1\n0.02,fast\n")

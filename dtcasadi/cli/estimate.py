@@ -22,11 +22,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--png", metavar="F", help="draw truth, measurements and estimate")
     parser.add_argument("--animate", metavar="F", help="draw truth and estimates as .gif or .mp4")
     parser.add_argument("--save-log", metavar="F", help="write the simulated measurements as .csv")
+    parser.add_argument(
+        "--observability", action="store_true", help="what its sensors can see, before filtering"
+    )
+    parser.add_argument(
+        "--bound",
+        metavar="X",
+        type=float,
+        default=1.0,
+        help="deviation sensors may leave, over the one before (default: 1)",
+    )
     parser.add_argument("--t-end", metavar="S", type=float, help="duration [s]")
 
 
 def run(options: argparse.Namespace, report: Report) -> int | None:
     """Simulate or read measurements, filter them, say and draw what came out."""
+    if options.observability:
+        return _observe(options, report)
     from estimators.registry import chosen
     from estimators.report import Tip, figures
     from estimators.truth import moved, recorded
@@ -64,6 +76,37 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
             report.wrote(side_by_side([*results.values()], truth, Path(options.animate)))
     report.list_files()
     return None
+
+
+def _observe(options: argparse.Namespace, report: Report) -> None:
+    """Say and draw what sets of the scene's sensors can see."""
+    from estimators.scenario import discrete_of
+    from estimators.sensor_report import described, force_errors, observed, picture, shown
+    from estimators.truth import moved
+
+    from .. import checks
+    from ..scene import load_scene
+
+    bound = checks.number("bound", options.bound, positive=True, error=_refusal)
+    scene = load_scene(options.scene)
+    if options.png:
+        check_target(Path(options.png))
+    report.section("phases", "wall time")
+    with phase(report, "simulate", "build, simulate      {seconds:8.3f} s"):
+        truth, discrete = moved(scene, options.t_end), discrete_of(scene)
+    with phase(report, "observe", "runs beside it       {seconds:8.3f} s"):
+        found = observed(scene, discrete, options.t_end)
+        sets = shown(found, bound)
+    with phase(report, "filter", "filter with each set {seconds:8.3f} s"):
+        errors = force_errors(scene, truth, discrete, sets)
+    described(found, sets, errors, bound, report)
+    if options.png:
+        report.wrote(picture(found, sets, errors, bound, options.png))
+    report.list_files()
+
+
+def _refusal(name: str, expected: str, got: object) -> EstimationError:
+    return EstimationError(f"{name}: expected {expected}, got {got}")
 
 
 def _filtered(
