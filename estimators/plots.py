@@ -59,7 +59,7 @@ def against_time(
         bottom.set_xlabel("time [s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     handles.append(Patch(facecolor=GREY, alpha=0.3, label="2 sigma"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 4))
     finished(figure, path)
     return Path(path)
 

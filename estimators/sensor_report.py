@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,7 +39,9 @@ def observed(scene: Scene, discrete: DiscreteModel, t_end: float | None = None) 
         EstimationError: a run beside the motion is not finite.
     """
     known = knowledge(scene, discrete)
-    plain = {f.name: f.default for f in fields(Estimation) if f.name.startswith("truth_")}
+    plain: dict[str, Any] = {
+        f.name: f.default for f in fields(Estimation) if f.name.startswith("truth_")
+    }
     model = replace(scene, estimation=replace(settings(scene), **plain))
     motion = moved(model, t_end)
     path = Motion(motion.x, motion.theta, motion.u)

@@ -56,7 +56,7 @@ def judged(found: Gramians, sensors: Sequence[str], bound: float = 1.0) -> Seen:
     """
     mine = np.array([owner in ("", *sensors) for owner in found.owner])
     names = [name for name, taken in zip(found.names, mine, strict=True) if taken]
-    windows = sum(found.parts[name] for name in sensors)[:, mine][:, :, mine]
+    windows = np.sum([found.parts[name] for name in sensors], axis=0)[:, mine][:, :, mine]
     values, vectors = np.linalg.eigh(windows)
     worst = int(np.argmin(values[:, 0]))
     low, high = values[worst, 0], values[worst, -1]

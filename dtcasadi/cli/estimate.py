@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, report: Report) -> int | None:
     """Simulate or read measurements, filter them, say and draw what came out."""
     if options.observability:
-        return _observe(options, report)
+        _observe(options, report)
+        return None
     from estimators.registry import chosen
     from estimators.report import Tip, figures
     from estimators.truth import moved, recorded
