@@ -23,8 +23,8 @@ def main(target: str, t_end: float) -> None:
     """Run the experiment and draw it."""
     scene = dtc.load_scene("control/bend")
     found = experiment(scene)  # the problem on the controller's model, and the true robot
-    discrete = discrete_of(scene)
-    known = knowledge(scene, discrete)
+    discrete = discrete_of(found.scene)
+    known = knowledge(found.scene, discrete)
     ekf = EKF(
         discrete,
         x0=known.x0,

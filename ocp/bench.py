@@ -106,7 +106,7 @@ def case_of(
     discrete = model_of(scene, method=method)
     found = experiment(scene, discrete=discrete)
     alone = name == "swing_up"
-    return Case(name, scene, found, lambda: None if alone else estimators(scene))
+    return Case(name, scene, found, lambda: None if alone else estimators(found.scene))
 
 
 def run(options: argparse.Namespace, report: Any, *, estimators: Estimators) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class Experiment:
     """What a scene makes of a closed loop.
 
     Attributes:
-        scene: the scene.
+        scene: the scene, its start where its own model rests.
         stages: the problem on the controller's model.
         plant: the robot as it really is, at rest where the reference begins.
         length: of the robot's threads [m].
@@ -125,7 +125,22 @@ def experiment(
         seed=scene.estimation.seed if scene.estimation else None,
     )
     length = float(sum(thread.length for thread in scene.robot.threads))
-    return Experiment(scene, stages(discrete, problem), plant, length, fine)
+    return Experiment(
+        _rested(scene, discrete.model), stages(discrete, problem), plant, length, fine
+    )
+
+
+def _rested(scene: Scene, model: Model) -> Scene:
+    """The scene with its start where its own model rests, not the true robot: what filters know."""
+    pressure = control_of(scene).reference(0.0)
+    rest = equilibrium(model, pressure)
+    straight = rest.success and np.array_equal(rest.theta, model.theta0)
+    if not straight:
+        return scene
+    charts = tuple(chart.name for chart in model.charts)
+    still = np.zeros(model.n_q)
+    start = {"q0": rest.q, "qd0": still, "initial_pressure": pressure}
+    return replace(scene, initial_chart=charts, **start)
 
 
 def spans(profile: Profile, t_end: float, *, least: float = 1.0) -> tuple[list, list]:

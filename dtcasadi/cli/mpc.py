@@ -40,7 +40,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
     report.section("phases", "wall time")
     with phase(report, "build", "build, compile       {seconds:8.3f} s"):
         found = experiment(scene)
-        estimator = _estimator(scene, options.estimator)
+        estimator = _estimator(found.scene, options.estimator)
         controller = _controller(found, options)
     t_end = options.t_end or scene.t_end
     with phase(report, "loop", "closed loop          {seconds:8.3f} s"):
