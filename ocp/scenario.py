@@ -139,7 +139,7 @@ def _rested(scene: Scene, model: Model) -> Scene:
         return scene
     charts = tuple(chart.name for chart in model.charts)
     still = np.zeros(model.n_q)
-    start = {"q0": rest.q, "qd0": still, "initial_pressure": pressure}
+    start: dict[str, Any] = {"q0": rest.q, "qd0": still, "initial_pressure": pressure}
     return replace(scene, initial_chart=charts, **start)
 
 
