@@ -164,6 +164,7 @@ t_end = 2
 """.replace("gravity_free = false\n", "")
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_pressure_response():
     found = dtc.advise(tube(chart="planar"), 0.02, quantity="pressure-response")
