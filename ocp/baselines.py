@@ -62,15 +62,15 @@ class FullMPC:
         command: the command in force, shape (n_u,) [Pa].
     """
 
-    def __init__(self, solver: Solver, u0: np.ndarray, *, accept: float = np.inf):
+    def __init__(self, solver: Solver, u0: np.ndarray, *, accept: float = 0.0):
         """Take a solver and the command in force.
 
         Args:
             solver: of the problem's program.
             u0: command in force, shape (n_u,) [Pa].
-            accept: largest violation of the scaled program's constraints that is let pass; the
-                real-time iteration of a solver stopped after one step has to accept its linear
-                model's gaps.
+            accept: largest violation of the scaled program's constraints with which a solution that
+                is no optimum is taken all the same; a real-time iteration, a solver stopped after
+                one step, has to accept its linear model's gaps.
         """
         self.stages = solver.nlp.stages
         self.command = np.asarray(u0, dtype=float)
@@ -97,7 +97,7 @@ class FullMPC:
         shifted = limited(s, np.vstack([self._plan[1:], self._plan[-1:]]), self.command)
         start = (self._roll(x, shifted, theta), shifted)
         solution = self._solver(instance, start)
-        fits = solution.good or solution.residuals.feasibility <= self._accept
+        fits = solution.good or solution.residuals.feasibility < self._accept
         finite = np.all(np.isfinite(solution.u)) and np.all(np.isfinite(solution.x))
         x_plan, u_plan = (solution.x, solution.u) if fits and finite else start
         # What an interior point leaves outside of its bounds is cut off.
