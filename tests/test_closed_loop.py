@@ -42,11 +42,11 @@ def test_a_constant_load_leaves_no_steady_error_with_a_disturbance_model():
             controller,
             plant,
             problem,
-            t_end=8.0,
+            t_end=40.0,
             estimator=filter_of(cart(0.1)),
             measured=["place"],
         )
-        errors[name] = found.steady(6.0, 8.0)
+        errors[name] = found.steady(36.0, 40.0)
         assert found.violations == 0
     # The open loop stands where the spring of 2 holds the load of 0.8.
     assert errors["mpc"] < 2e-3 and errors["open"] == pytest.approx(0.4, rel=0.02)
