@@ -22,6 +22,7 @@ from .runner import Filter
 from .scenario import discrete_of, settings
 from .spv import SPV
 from .truth import Truth, moved, recorded
+from .ukf import UKF
 
 # Of the length: where a filter that started 0.3 rad off counts as converged, when it stays there.
 CONVERGED = 0.01
@@ -66,7 +67,7 @@ def convergence(choices: dict[str, Choice], chart: str) -> dict[str, float | Non
 
 
 def consistency(runs: int, steps: int) -> dict[str, float]:
-    """`nees_in_band` of EKF and scheduled observer on the four-disc robot in the plane.
+    """`nees_in_band` of EKF, UKF and scheduled observer on the four-disc robot in the plane.
 
     Pressure, two inertial chips and a tip marker at 200 Hz; see `tests/test_ekf_consistency.py`.
     """
@@ -85,12 +86,13 @@ def consistency(runs: int, steps: int) -> dict[str, float]:
     P0 = np.concatenate([np.full(n, 0.02), np.full(n, 0.02), [0.1]]) ** 2
     filters: dict[str, Filter] = {
         "ekf": EKF(discrete, x0=near, P0=P0, Q_w=Q),
+        "ukf": UKF(discrete, x0=near, P0=P0, Q_w=Q),
         "spv": SPV(discrete, points, x0=near, Q_w=Q, gauge="air"),
     }
     case: dict[str, Any] = {"mean": near, "Q": Q, "u": u, "runs": runs, "steps": steps}
     found = {}
     for name, made in filters.items():
         # A steady filter knows its start as well as it will ever know.
-        start = P0 if name == "ekf" else np.diag(made.start.P)
+        start = np.diag(made.start.P) if name == "spv" else P0
         found[name] = nees_in_band(made, discrete, names, P0=start, **case)
     return found

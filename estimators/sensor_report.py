@@ -172,6 +172,9 @@ def _forces(axes: Axes, sets: Sequence[Seen], errors: Sequence[float], bound: fl
     colours = [BLUE if each.sees_all(bound) else GREY for each in sets]
     widths = [min(error, 1.1 * most) for error in errors]
     axes.barh(range(len(sets)), widths, color=colours)
+    for k, error in enumerate(errors):
+        if error > 1.1 * most:
+            axes.text(1.08 * most, k, f"{error:.2g}", ha="right", va="center", color="white")
     axes.set_xlim(0.0, 1.1 * most)
     axes.set_yticks(range(len(sets)), [_title(each) for each in sets])
     axes.set_title("error of the contact force [N]")
@@ -179,4 +182,4 @@ def _forces(axes: Axes, sets: Sequence[Seen], errors: Sequence[float], bound: fl
         Patch(color=BLUE, label="set sees everything"),
         Patch(color=GREY, label="it does not"),
     ]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12))
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06))

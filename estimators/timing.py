@@ -19,7 +19,10 @@ from .base import ProcessNoise
 from .covariance import predicted, updated
 from .ekf import EKF
 from .operating import operating_points
+from .runner import Track
+from .smoother import backwards
 from .spv import SPV
+from .ukf import UKF
 
 STEP_S, PRESSURE = 0.005, 5.0
 _PLACES = ((2, (0, 1, 0)), (3, (0, 1, 0)), (4, (0, 1, 0)), (4, (1, 1, 0)))
@@ -97,6 +100,23 @@ class Case:
             update = functions[f"update_{name}"]
             total += us_per_call(update.function, update.source, *at, y)
         return total
+
+    def ukf_us(self) -> float:
+        """Time of predict and update of the unscented filter from Python, points on lanes [us]."""
+        P0 = np.full(len(self.x) + 6 * len(self.augment), 1e-4)
+        ukf = UKF(self.discrete, x0=self.x, P0=P0, Q_w=self.noise, augment=self.augment)
+
+        def once() -> None:
+            ukf.update(ukf.predict(ukf.start, self.u), self.y, self.names, self.u)
+
+        return _least(once, 50)
+
+    def smoother_us(self) -> float:
+        """Time of the smoother's way back for a step, from Python [us]."""
+        ekf, n = self.ekf(), 20
+        t, u = STEP_S * np.arange(n + 1), np.tile(self.u, (n + 1, 1))
+        steady = Track(t, (ekf.start,) * (n + 1), u, ())
+        return _least(lambda: backwards(ekf, steady), 5) / n
 
     def filterpy_us(self) -> float | None:
         """Time of filterpy's EKF on the same compiled step and sensors [us]; None without it."""
