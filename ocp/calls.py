@@ -8,7 +8,7 @@ import numpy as np
 from dtcasadi.bound import Bound
 from dtcasadi.compile import twin
 
-from .slopes import first_order
+from .slopes import first_order, inner_slopes
 from .stages import Stages
 
 
@@ -41,10 +41,14 @@ class Functions:
         self.inequality = first_order("inequality", _one(bare, 2), bare, (3, None))
         if shooting:
             step = twin(discrete.linearize, source=discrete.native("linearize"))
-            self.motion = first_order("motion", _one(step, 0), step, (1, 2, None))
+            self.motion = first_order(
+                "motion", _one(step, 0), inner_slopes(stages, step), (1, 2, None)
+            )
             return
         slopes = twin(_ode_slopes(discrete.ode))
-        self.motion = first_order("motion", _one(slopes, 0), slopes, (1, 2, None))
+        self.motion = first_order(
+            "motion", _one(slopes, 0), inner_slopes(stages, slopes), (1, 2, None)
+        )
 
 
 def _one(function: ca.Function, k: int) -> ca.Function:

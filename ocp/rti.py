@@ -23,6 +23,7 @@ import numpy as np
 from dtcasadi.condensing import condensed, response
 from dtcasadi.quadratic import NONE, Rows, solved
 
+from .slopes import inside, ranges
 from .stages import Stages
 
 OPTIONS = {"cse": True}
@@ -30,8 +31,6 @@ OPTIONS = {"cse": True}
 _HUGE = 1e300
 # Share of the mean curvature added to each: a command without effect or price stays as it was.
 _FLOOR = 1e-14
-# How far from the limits the model is linearized, in shares of a command's range.
-_INSIDE = 1e-9
 
 
 class Prepared(NamedTuple):
@@ -102,8 +101,7 @@ class Iteration:
     @cached_property
     def scale(self) -> np.ndarray:
         """Range of each command, 1 where it has none [Pa]."""
-        span = self.stages.upper.max(axis=0) - self.stages.lower.min(axis=0)
-        return np.where(np.isfinite(span) & (span > 0), span, 1.0)
+        return ranges(self.stages)
 
     @cached_property
     def rated(self) -> bool:
@@ -127,11 +125,9 @@ class Iteration:
         """Roll out from x under a plan (n_u, N), linearize and condense."""
         s = self.stages
         blocks = [int(block) for block in s.block_of]
-        # An actuator that cuts commands off at the same limits has half a slope there, or none.
-        inside = _INSIDE * self.scale
-        low, high = self.bounds()
-        lower, upper = _bounded((low + inside).T), _bounded((high - inside).T)
+        lower, upper = (_bounded(side.T) for side in self.bounds())
         v = ca.fmin(ca.fmax(plan[:, [int(k) for k in self.first]], lower), upper)
+        v = inside(s, v)
         stage, states, found = self._stage(native), [x], []
         for k, block in enumerate(blocks):
             found.append(stage(states[-1], v[:, block], theta, wanted.reference[:, k + 1]))

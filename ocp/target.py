@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -21,6 +22,7 @@ from dtcasadi.bound import Bound
 from dtcasadi.compile import twin
 
 from .problem import refusal
+from .slopes import inside
 from .stages import Stages
 
 # Largest change of a state in a step at an equilibrium, relative to the size of the states.
@@ -215,7 +217,9 @@ class _Point:
     ):
         self.owner, self.x, self.u, self.reference = owner, x, u, reference
         found = owner._step(x, u, theta)
-        self.F_x, self.F_u = found.F_x, found.F_u
+        within = np.array(inside(owner._stages, ca.DM(u))).ravel()
+        slopes = found if np.array_equal(within, u) else owner._step(x, within, theta)
+        self.F_x, self.F_u = slopes.F_x, slopes.F_u
         self.gap = found.x_next - x
         outputs = owner._outputs(x, theta, reference)
         self.r, self.R_x = outputs.r, outputs.R_x

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
@@ -9,6 +10,7 @@ from dtcasadi.bound import Bound
 from dtcasadi.compile import twin
 from dtcasadi.errors import ControlError
 
+from .slopes import inside
 from .stages import Stages
 from .target import Target
 
@@ -44,7 +46,8 @@ class TerminalCost:
             return np.zeros((n, n))
         if not isinstance(terminal, str):
             return np.array(terminal, dtype=float)
-        found = self._step(target.x, target.u, theta)
+        u = np.array(inside(stages, ca.DM(target.u))).ravel()
+        found = self._step(target.x, u, theta)
         reference = np.zeros(len(stages.channels))
         R_x = self._outputs(target.x, theta, reference).R_x
         W = stages.weight[0]
