@@ -10,7 +10,7 @@ from control_robot import rest, robot, tip
 
 from dtcasadi.errors import ControlError
 from dtcasadi.recentring import recentre
-from ocp import Action, ControlStatus, PressureMPC
+from ocp import Action, ControlStatus, Limits, PressureMPC
 from ocp.info import StepInfo
 
 pytestmark = needs_compiler
@@ -200,6 +200,21 @@ def test_a_tight_budget_is_said_and_limits_are_kept(rng):
         "the plan keeps to the limits of the commands, but its solution stopped at the budget of "
         "iterations; the command is the plan's"
     )
+
+
+def test_limits_that_no_rate_can_meet_are_said_and_the_command_is_kept():
+    """From the second interval on at least 10, at 2 an interval: from 9 it goes, from 3 not."""
+    lower = np.array([[LOW], [10.0], [10.0], [10.0]])
+    problem = tip(horizon=4, soft=(), limits=Limits(lower, HIGH, rate=40.0))
+    controller = PressureMPC(robot(), problem, u0=3.0)
+    for action in (*[Action.HOLD] * 4, Action.RAMP):
+        u, info = controller.step(rest(3.0))
+        assert info.status is ControlStatus.SOLVER_FAILED and info.action is action
+        assert np.all(np.abs(u - 3.0) <= RATE) and np.all((u >= LOW) & (u <= HIGH))
+    assert "has no solution within the limits; the command goes to the safe" in info.text
+    controller.reset(9.0)
+    u, info = controller.step(rest(9.0))
+    assert info.status is ControlStatus.SOLVED and np.all(info.plan[1:] >= 10.0 - 1e-9)
 
 
 @pytest.mark.parametrize(
