@@ -42,9 +42,7 @@ def inner_slopes(stages: Stages, linearize: ca.Function) -> ca.Function:
     """
     x, u, theta = ports = linearize.mx_in()
     values = linearize.call([x, inside(stages, u), theta])
-    return ca.Function(
-        "inner_slopes", ports, values, linearize.name_in(), linearize.name_out()
-    )
+    return ca.Function("inner_slopes", ports, values, linearize.name_in(), linearize.name_out())
 
 
 def first_order(
