@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dtcasadi.bound import Bound
+from dtcasadi.compile import twin
+
 from .closed_loop import Known
 from .mpc import PressureMPC
 from .scenario import Experiment
@@ -23,7 +26,7 @@ def contract_kept(found: Experiment, steps: int, *, seed: int = 0) -> int:
     s, rng = found.stages, np.random.default_rng(seed)
     mpc = PressureMPC(s.discrete, s.problem, u0=found.plant.u0)
     theta0 = s.discrete.theta0
-    step = s.discrete.compiled("step")  # type: ignore[attr-defined]
+    step = Bound(twin(s.discrete.step, source=s.discrete.native("step")))
     x, theta, u = np.zeros(s.n_x), theta0, np.asarray(found.plant.u0, dtype=float)
     good = s.references(0.0)
     broken, fault, left = 0, 0, 0

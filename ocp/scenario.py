@@ -76,14 +76,27 @@ def model_of(scene: Scene, *, method: str | None = None) -> DiscreteModel:
     return model.discrete(choice.step_s, method=method or choice.method, sensors=scene.sensors)
 
 
+def robot_of(scene: Scene) -> DiscreteModel:
+    """The robot as it really is, in short steps."""
+    true = truth_scene(scene)
+    model = true.build(wrenches=loaded_disc(true))
+    step = control_of(scene).plant_step_s
+    return model.discrete(step, method=_METHOD, exact=False, sensors=true.sensors)
+
+
 def experiment(
-    scene: Scene, *, discrete: DiscreteModel | None = None, horizon: int | None = None
+    scene: Scene,
+    *,
+    discrete: DiscreteModel | None = None,
+    robot: DiscreteModel | None = None,
+    horizon: int | None = None,
 ) -> Experiment:
     """Put a scene's problem on its model, and make the plant.
 
     Args:
         scene: with `[control]` and sensors.
         discrete: the controller's model; default: `model_of(scene)`.
+        robot: the robot as it is; default: `robot_of(scene)`.
         horizon: number of intervals; default: the scene's.
 
     Raises:
@@ -91,9 +104,8 @@ def experiment(
     """
     choice = control_of(scene)
     discrete = model_of(scene) if discrete is None else discrete
-    true = truth_scene(scene)
-    model = true.build(wrenches=loaded_disc(true))
-    fine = model.discrete(choice.plant_step_s, method=_METHOD, exact=False, sensors=true.sensors)
+    fine = robot_of(scene) if robot is None else robot
+    model = fine.model
     picked = [
         (name, picked_of(discrete, name, _channels(choice, i), f"control.channels[{i + 1}]"))
         for i, name in enumerate(choice.outputs)
