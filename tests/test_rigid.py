@@ -22,6 +22,7 @@ from dtcasadi.errors import RobotError, SimulationError, StaticsError
 from dtcasadi.rim import circle, rim_points
 
 G, RADIUS = 9.81, 0.1
+SLOW = pytest.mark.slow
 # Turns the disc's axis from along the thread to across it: the disc lies flat beside the thread.
 FLAT = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -85,7 +86,9 @@ def swing(restitution: float, **options: Any) -> dtc.Model:
     return dtc.build(robot, chart="hinge")
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize(
+    "restitution", [0.4, pytest.param(0.0, marks=SLOW), pytest.param(1.0, marks=SLOW)]
+)
 def test_restitution(restitution):
     """At the impact the point's normal velocity is turned round, times the coefficient."""
     model = swing(restitution, friction=0.0)
@@ -170,7 +173,7 @@ def lowest(run: dtc.Run) -> float:
 
 def test_energy_never_grows_through_contact(rng):
     model = tumbling()
-    for _ in range(12):
+    for _ in range(3):
         check_drop(dropped(model, rng))
 
 
@@ -200,7 +203,7 @@ def test_penetration_falls_with_the_square_of_the_step():
     assert left[:2] == pytest.approx([16 * left[2], 4 * left[2]], rel=0.05)
 
 
-@pytest.mark.parametrize("chart", ["planar", "cardan"])
+@pytest.mark.parametrize("chart", ["planar", pytest.param("cardan", marks=SLOW)])
 def test_candidates_against_distances_and_differences(rng, chart):
     """Gaps by the compliant shapes' distances, Jacobians by differences of the places."""
     shapes = (
@@ -244,6 +247,7 @@ def test_candidates_against_distances_and_differences(rng, chart):
         assert error(J[3 * s : 3 * s + 3], axes @ slope) < 1e-10
 
 
+@pytest.mark.slow
 def test_discs_do_not_pass_through_each_other():
     """The seed robot curls onto itself: every rim stays on its side of every plate."""
     seed = dtc.load_scene("seed_four_disc_up")

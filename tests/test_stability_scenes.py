@@ -22,7 +22,7 @@ def scene(name: str) -> dtc.Scene:
 
 
 def test_each_states_its_horizon_and_measure():
-    assert len(PLAIN) == 16 and len(NAMES) == 22
+    assert len(PLAIN) == 17 and len(NAMES) == 23
     for name in NAMES:
         found = dtc.load_scene(name)
         assert f"reaches {found.t_end:g} s with its energy within twice" in found.measure.text
