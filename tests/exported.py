@@ -120,13 +120,14 @@ def work_bytes(function: Any, real: int = 8, integer: int = 8) -> int:
     arg, res, iw, w = (
         max(1, function["work"][key]) for key in ("sz_arg", "sz_res", "sz_iw", "sz_w")
     )
-    return 8 * (arg + res) + integer * iw + real * w
+    return -(-(8 * (arg + res) + integer * iw + real * w) // 8) * 8  # aligned as its pointers are
 
 
 class Library:
-    """An exported library whose wrappers take and return arrays."""
+    """An exported library whose wrappers take and return arrays, in its own precision."""
 
-    def __init__(self, exported: Exported, path: Path):
+    def __init__(self, exported: Exported, path: Path, *, single: bool = False):
+        self._real, self._sizes = (np.float32, (4, 4)) if single else (np.float64, (8, 8))
         self.name, self.folder = exported.name, exported.folder
         self.library = ctypes.CDLL(str(path))
         self.functions = {each["name"]: each for each in exported.functions}
@@ -145,15 +146,16 @@ class Library:
     def call(self, name: str, arrays: Sequence[np.ndarray]) -> tuple[int, list[np.ndarray]]:
         """Status and results; every buffer exactly as large as needed and guarded."""
         inputs, outputs = self.ports(name)
-        taken = [Guarded(8 * len(a), a.tobytes()) for a in map(flat, arrays)]
-        given = [Guarded(8 * port["rows"] * port["columns"]) for port in outputs]
-        work = Guarded(work_bytes(self.functions[name]))
+        handed = [flat(array).astype(self._real) for array in arrays]
+        taken = [Guarded(a.nbytes, a.tobytes()) for a in handed]
+        given = [Guarded(self._sizes[0] * p["rows"] * p["columns"]) for p in outputs]
+        work = Guarded(work_bytes(self.functions[name], *self._sizes))
         addresses = [buffer.address for buffer in (*taken, *given)]
         status = self.raw(name, addresses, work.address, len(work.bytes))
         assert all(buffer.intact() for buffer in (*taken, *given, work)), name
-        for buffer, array in zip(taken, arrays, strict=True):
-            assert buffer.bytes.tobytes() == flat(array).tobytes(), f"{name} wrote to an argument"
-        return status, [buffer.bytes.view(np.float64).copy() for buffer in given]
+        for buffer, array in zip(taken, handed, strict=True):
+            assert buffer.bytes.tobytes() == array.tobytes(), f"{name} wrote to an argument"
+        return status, [buffer.bytes.view(self._real).copy() for buffer in given]
 
 
 def flat(array: Any) -> np.ndarray:

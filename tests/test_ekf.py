@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from faults import faulty
 from kalman import N_U, Kalman, N, covariance, toy_plant
 from linear_toy import LinearDiscrete
 
@@ -81,17 +82,6 @@ def test_the_gate_refuses_an_outlier_and_counts_it(toy, rng):
     np.testing.assert_array_equal(far.P, ekf.start.P)
     near = ekf.update(far, expected, "pair", u)
     assert near.gated == 1 and near.believed and np.trace(near.P) < np.trace(far.P)
-
-
-def faulty(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Readings: mostly noise, sometimes not a number, far off, or missing."""
-    y = rng.normal(size=n)
-    kind = rng.random()
-    if kind < 0.05:
-        y[rng.integers(n)] = rng.choice([np.nan, np.inf, -np.inf])
-    elif kind < 0.1:
-        y *= 1e6
-    return y
 
 
 def steady(toy: LinearDiscrete, rng: np.random.Generator, steps: int) -> None:
