@@ -127,10 +127,12 @@ def parse_csv(data: bytes, source: str = "log") -> Log:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise LogError(f"{source}: expected text in UTF-8, got byte {error.start}") from None
+    reader = csv.reader(io.StringIO(text))
     try:
-        rows = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(row)]
+        rows = [(reader.line_num, row) for row in reader if any(row)]
     except csv.Error as error:
-        raise LogError(f"{source}: expected comma-separated values, got {error}") from None
+        where = f"{source}: line {reader.line_num}"
+        raise LogError(f"{where}: expected comma-separated values, got {error}") from None
     if len(rows) < 2:
         raise LogError(f"{source}: expected a header and at least one row, got {len(rows)} lines")
     heads = [_head(cell, source) for cell in rows[0][1]]

@@ -10,7 +10,7 @@ import numpy as np
 from dtcasadi import checks
 from dtcasadi.waist import Discrete
 
-from .base import ProcessNoise, refusal, symmetric
+from .base import Estimate, ProcessNoise, refusal, symmetric
 
 
 class Layout(NamedTuple):
@@ -49,6 +49,22 @@ def layout_of(discrete: Discrete, augment: Sequence[str]) -> Layout:
     free = [k for _, block in blocks for k in range(block.start, block.stop)]
     names = (*discrete.state_names, *theta_names)
     return Layout(names, len(discrete.state_names), tuple(free))
+
+
+def start_of(
+    discrete: Discrete, layout: Layout, x0: Any, P0: Any, theta: np.ndarray | None
+) -> Estimate:
+    """The estimate at the beginning; theta: the model's own by default.
+
+    Raises:
+        EstimationError: a wrong shape, or not a covariance.
+    """
+    theta = discrete.theta0 if theta is None else theta
+    return Estimate(
+        x=checks.array("x0", x0, (layout.n_x,), error=refusal),
+        P=widened("P0", P0, layout),
+        theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
+    )
 
 
 def noise_of(

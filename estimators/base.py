@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -88,6 +88,11 @@ class ProcessNoise:
 def refusal(name: str, expected: str, got: object) -> EstimationError:
     """An error about an argument of a filter."""
     return EstimationError(f"{name}: expected {expected}, got {got}")
+
+
+def names_of(sensor: str | Sequence[str]) -> tuple[str, ...]:
+    """The sensors of an update: a name, or several read at the same instant."""
+    return (sensor,) if isinstance(sensor, str) else tuple(sensor)
 
 
 def chance(gate: float | None) -> float | None:

@@ -42,6 +42,11 @@ def predicted(F: ca.MX, G: ca.MX, P: ca.MX, Q: ca.MX, *, native: bool) -> ca.MX:
 _HUGE = 1e300
 
 
+def finite_ones(readings: ca.MX) -> ca.MX:
+    """1 for each reading that is a finite number, 0 for others; CasADi takes e == e for granted."""
+    return ca.fabs(readings) <= _HUGE
+
+
 class Updated(NamedTuple):
     """What a measurement leaves: estimate, covariance, and how it fitted.
 
@@ -92,7 +97,7 @@ def updated(
 def _joseph(z: ca.MX, P: ca.MX, e: ca.MX, H: ca.MX, R: ca.MX, limits: np.ndarray) -> Updated:
     """The update with a reading that is not finite replaced by one that tells nothing."""
     m, n = H.shape
-    finite = ca.fabs(e) <= _HUGE  # CasADi takes e == e for granted
+    finite = finite_ones(e)
     e = ca.if_else(finite, e, 0)
     H = ca.mtimes(ca.diag(finite), ca.densify(H))
     R = R * ca.mtimes(finite, finite.T) + ca.diag(1 - finite)

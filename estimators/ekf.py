@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from dtcasadi import checks
 from dtcasadi.bound import Bound
@@ -14,9 +13,9 @@ from dtcasadi.codegen import Exposed, exposed
 from dtcasadi.compile import twin
 from dtcasadi.waist import Discrete
 
-from .augmented import layout_of, noise_of, pushed_by, widened
-from .base import Estimate, ProcessNoise, chance, refusal
-from .steps import NO_LIMIT, Pair, Setting, Update, correction, prediction
+from .augmented import layout_of, noise_of, pushed_by, start_of
+from .base import Estimate, ProcessNoise, chance, names_of, refusal
+from .steps import Pair, Setting, Update, correction, limits_of, prediction
 
 
 class EKF:
@@ -75,12 +74,7 @@ class EKF:
         self.discrete = discrete
         layout = layout_of(discrete, augment)
         self.names, self.free = layout.names, layout.free
-        theta = discrete.theta0 if theta is None else theta
-        self.start = Estimate(
-            x=checks.array("x0", x0, (layout.n_x,), error=refusal),
-            P=widened("P0", P0, layout),
-            theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
-        )
+        self.start = start_of(discrete, layout, x0, P0, theta)
         self._gate = chance(gate)
         self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
         self._caution = checks.index("caution", caution, 0, 20, error=refusal)
@@ -133,7 +127,7 @@ class EKF:
         Raises:
             ModelError: an unknown sensor, or an array of a wrong shape.
         """
-        names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+        names = names_of(sensor)
         bound = self._compiled(names, self._correction(names))
         x, P, theta, nis, used, believed = bound(est.x, est.P, u, est.theta, y)
         skipped = est.skipped + len(np.atleast_1d(y)) - int(used[0])
@@ -154,7 +148,7 @@ class EKF:
         """
         found = {"predict": exposed("predict", *self._predict, title="the estimate a step later")}
         for sensor in sensors or tuple(self.discrete.sensors):
-            names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+            names = names_of(sensor)
             name, title = f"update_{'_'.join(names)}", f"the estimate with {' and '.join(names)}"
             found[name] = exposed(name, *self._correction(names), title=title)
         return found
@@ -162,10 +156,7 @@ class EKF:
     def _correction(self, names: tuple[str, ...]) -> Pair:
         if names not in self._pairs:
             sensor = self.discrete.together(names)
-            limits = np.full(sensor.n_y + 1, NO_LIMIT)
-            if self._gate is not None:
-                limits[1:] = chi2.isf(self._gate, np.arange(1, sensor.n_y + 1))
-            how = Update(limits, self._iterations, self._caution)
+            how = Update(limits_of(self._gate, sensor.n_y), self._iterations, self._caution)
             name = f"update_{'_'.join(names)}"
             self._pairs[names] = correction(self._setting, sensor, how, name)
         return self._pairs[names]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dtcasadi.errors import EstimationError
+from dtcasadi.errors import EstimationError, LogError
 from dtcasadi.logs import Log
 from dtcasadi.measuring import Sensor
 from dtcasadi.waist import Discrete
@@ -18,6 +18,9 @@ from .base import Estimate
 
 # Samples a step that one run may keep waiting; more is a fault of the times.
 _MOST_STEPS = 10**7
+# Steps between two rows of a log that are run through; beyond, a time is wrong or a pause so long
+# that it parts two logs.
+_LONGEST_GAP = 10**5
 
 
 class Filter(Protocol):
@@ -189,7 +192,7 @@ def track(filter: Filter, log: Log, *, t_end: float | None = None) -> Track:
     A row arrives when its sensor's latency has passed, or with the row before it, if that is later.
 
     Raises:
-        LogError: channels are missing or have another unit.
+        LogError: channels are missing or have another unit, or the times have too long a gap.
         EstimationError: the log spans too many steps.
     """
     discrete = filter.discrete
@@ -202,6 +205,7 @@ def track(filter: Filter, log: Log, *, t_end: float | None = None) -> Track:
     if n > _MOST_STEPS:
         raise EstimationError(f"{log.source}: expected at most {_MOST_STEPS} steps, got {n}")
     arrivals = np.maximum.accumulate(log.t)
+    _check_gaps(log.source, np.concatenate([[t_start], arrivals]), h)
     runner = Runner(filter, t_start=t_start)
     u, row = np.zeros(n_u), 0
     estimates, used = [], []
@@ -220,6 +224,16 @@ def track(filter: Filter, log: Log, *, t_end: float | None = None) -> Track:
             runner.advance()
     times = t_start + h * np.arange(n + 1)
     return Track(times, tuple(estimates), np.array(used), tuple(runner.refused))
+
+
+def _check_gaps(source: str, times: np.ndarray, h: float) -> None:
+    gaps = np.diff(times)
+    k = int(np.argmax(gaps))
+    if gaps[k] > _LONGEST_GAP * h:
+        raise LogError(
+            f"{source}: t: expected rows at most {_LONGEST_GAP} steps of {h:g} s apart, got none "
+            f"from {times[k]:.6g} s to {times[k + 1]:.6g} s"
+        )
 
 
 def _readings(sensors: Mapping[str, Sensor], log: Log) -> dict[str, np.ndarray]:

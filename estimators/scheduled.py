@@ -11,11 +11,9 @@ import numpy as np
 from dtcasadi.waist import Discrete
 
 from .augmented import Layout
+from .covariance import finite_ones
 from .operating import OperatingPoints
 from .subsystems import Subsystem
-
-# No reading is larger, and what is not a number is not smaller.
-_HUGE = 1e300
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,7 @@ def correction(t: Tables, sensor: str, limits: np.ndarray) -> ca.Function:
     """
     ports = t.ports()
     y = ca.MX.sym("y", len(limits) - 1)
-    finite = ca.fabs(y) <= _HUGE
+    finite = finite_ones(y)
     schedule, n_x = ports["schedule"], t.layout.n_x
     if sensor == t.gauge:
         all_read = ca.sum1(finite) == y.shape[0]

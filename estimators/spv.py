@@ -28,7 +28,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from dtcasadi import checks
 from dtcasadi.bound import Bound
@@ -37,10 +36,10 @@ from dtcasadi.compile import bind
 from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by
-from .base import Estimate, ProcessNoise, refusal
+from .base import Estimate, ProcessNoise, chance, names_of, refusal
 from .operating import OperatingPoints
 from .scheduled import Tables, correction, covariance, prediction
-from .steps import NO_LIMIT
+from .steps import limits_of
 from .subsystems import Linearizer
 
 
@@ -114,11 +113,7 @@ class SPV:
         if gauge is not None and len(_sensor(discrete, gauge).channels) != n_u:
             raise refusal("gauge", f"a sensor of {n_u} pressures", repr(gauge))
         width = checks.number("width", width, positive=True, error=refusal)
-        self._limit = None
-        if gate is not None:
-            self._limit = checks.number("gate", gate, positive=True, error=refusal)
-            if self._limit >= 1:
-                raise refusal("gate", "a chance between 0 and 1", gate)
+        self._gate = chance(gate)
         theta = np.array(discrete.theta0)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
         linearizer = Linearizer(discrete, layout, theta, Q, pushed_by(discrete, noise))
@@ -168,7 +163,7 @@ class SPV:
             EstimationError: the estimate of another filter.
         """
         est = _own(est)
-        names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+        names = names_of(sensor)
         sizes = [len(_sensor(self.discrete, name).channels) for name in names]
         parts = np.split(np.asarray(y, dtype=float), np.cumsum(sizes)[:-1])
         before, nis, used, believed = est.gated, 0.0, 0, True
@@ -216,9 +211,7 @@ class SPV:
     def _correction(self, name: str) -> Any:
         if name not in self._functions:
             sensor = _sensor(self.discrete, name)
-            limits = np.full(len(sensor.channels) + 1, NO_LIMIT)
-            if self._limit is not None:
-                limits[1:] = chi2.isf(self._limit, np.arange(1, len(limits)))
+            limits = limits_of(self._gate, len(sensor.channels))
             self._functions[name] = correction(self._tables, name, limits)
         return self._functions[name]
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.stats import chi2
 
 from dtcasadi.measuring import Sensor
 from dtcasadi.waist import Discrete
@@ -97,6 +98,19 @@ class Update(NamedTuple):
     limits: np.ndarray
     iterations: int = 1
     caution: int = 0
+
+
+def limits_of(gate: float | None, n_y: int) -> np.ndarray:
+    """Largest nis believed by number of finite readings, shape (n_y + 1,).
+
+    Args:
+        gate: chance that a good measurement is refused; None: every one is believed.
+        n_y: number of readings.
+    """
+    limits = np.full(n_y + 1, NO_LIMIT)
+    if gate is not None:
+        limits[1:] = chi2.isf(gate, np.arange(1, n_y + 1))
+    return limits
 
 
 def correction(s: Setting, sensor: Sensor, how: Update, name: str) -> Pair:

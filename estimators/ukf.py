@@ -14,8 +14,8 @@ from dtcasadi import checks
 from dtcasadi.batch import batch
 from dtcasadi.waist import Discrete
 
-from .augmented import layout_of, noise_of, pushed_by, widened
-from .base import Estimate, ProcessNoise, chance, refusal
+from .augmented import layout_of, noise_of, pushed_by, start_of
+from .base import Estimate, ProcessNoise, chance, names_of, refusal
 from .sigma import gathered, root_of, spread_out, triangle
 
 Many = Callable[..., Any]
@@ -71,12 +71,7 @@ class UKF:
         self.discrete = discrete
         self._layout = layout = layout_of(discrete, augment)
         self.names = layout.names
-        theta = discrete.theta0 if theta is None else theta
-        self.start = Estimate(
-            x=checks.array("x0", x0, (layout.n_x,), error=refusal),
-            P=widened("P0", P0, layout),
-            theta=checks.array("theta", theta, discrete.theta0.shape, error=refusal),
-        )
+        self.start = start_of(discrete, layout, x0, P0, theta)
         self._gate = chance(gate)
         self._distance = checks.number("distance", distance, positive=True, error=refusal)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
@@ -130,7 +125,7 @@ class UKF:
             ModelError: an unknown sensor.
             EstimationError: readings of a wrong shape.
         """
-        names = (sensor,) if isinstance(sensor, str) else tuple(sensor)
+        names = names_of(sensor)
         output, R_root = self._sensor(names)
         y = np.asarray(y, dtype=float)
         if y.shape != (len(R_root),):

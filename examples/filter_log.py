@@ -2,7 +2,8 @@
 
 `python examples/filter_log.py folder` writes the exported EKF, `start.h`, `filter_log.c` and a
 simulated log into the folder. There, `cc -O2 filter_log.c filter.c filter_core.c -lm -o filter_log`
-and `./filter_log < log.csv` filter it. With a second word, `single`, in single precision.
+and `./filter_log < log.csv` filter it. With a second word, `single`, in single precision; with a
+third, of another scene with sensors and a chamber.
 """
 
 import shutil
@@ -18,9 +19,9 @@ from estimators.scenario import discrete_of
 from estimators.truth import moved, recorded
 
 
-def main(folder: str, precision: str = "double") -> None:
+def main(folder: str, precision: str = "double", name: str = "estimation/mismatch") -> None:
     """Write everything into a folder."""
-    scene = dtc.load_scene("estimation/mismatch")
+    scene = dtc.load_scene(name)
     ekf = ESTIMATORS["ekf"].build(scene, discrete_of(scene))
     assert isinstance(ekf, EKF)
     target = Path(folder)
@@ -56,4 +57,4 @@ def start_of(ekf: EKF) -> str:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    main(*sys.argv[1:4])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from at_rest import STEP, U, Readings, filters, planar
+from at_rest import STEP, Readings, U, filters, planar
 
 import dtcasadi as dtc
 from dtcasadi.presets import seed_four_disc

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from scene_texts import SMALL
+from watched import SPRINGS, WATCHED
 
 import dtcasadi as dtc
 from dtcasadi.cli import main
@@ -12,35 +12,6 @@ from dtcasadi.errors import SceneError
 from dtcasadi.scene import parse_scene
 from estimators.scenario import discrete_of
 from estimators.truth import moved, truth_scene
-
-SPRINGS = """
-[[robot.springs]]
-discs = "all"
-at_deg = [90, 180, 270]
-stiffness = 10
-[[robot.chambers]]
-discs = "all"
-"""
-TABLES = """
-[[sensors]]
-name = "tip"
-kind = "marker"
-disc = 2
-noise_mm = 5
-[[sensors]]
-name = "chip"
-kind = "imu"
-disc = 2
-gyroscope_noise = 0.01
-accelerometer_noise = 0.1
-[estimation]
-step = 0.02
-angle_sigma = 0.05
-offset = 0.02
-contact_force = [0, 0.5, 0]
-contact_from = 0.2
-contact_to = 0.4
-"""
 
 
 def test_the_shipped_scene_has_what_it_takes():
@@ -53,10 +24,8 @@ def test_the_shipped_scene_has_what_it_takes():
 
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory):
-    text = SMALL.replace("t_end = 3", "t_end = 0.5").replace("count = 3", "count = 2")
-    text = text.replace("count = 2\nlength", "length")
     path = tmp_path_factory.mktemp("scene") / "small.toml"
-    path.write_text(text + '[model]\nchart = "planar"\n' + TABLES)
+    path.write_text(WATCHED)
     return path
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from at_rest import U, Readings, filters
+from at_rest import Readings, U, filters
 from c_compilers import needs_compiler
 from exported import Library, built
 from faults import faulty

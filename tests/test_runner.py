@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from linear_toy import LinearDiscrete
 
-from dtcasadi.errors import EstimationError
+from dtcasadi.errors import EstimationError, LogError
 from dtcasadi.logs import Log
 from estimators import EKF
 from estimators.runner import Runner, track
@@ -87,3 +87,11 @@ def test_a_log_is_run_row_by_row(ekf, rng):
     for a, b in zip(found.estimates, expected, strict=True):
         np.testing.assert_allclose(a.x, b.x, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.u[:, 0], u)
+
+
+def test_a_gap_too_long_to_run_through_is_named(ekf):
+    readings = {"command1": np.zeros(3), "place.y0": np.zeros(3)}
+    log = Log(np.array([0.0, 0.1, 2e4]), readings, {"command1": "", "place.y0": ""}, "x.csv")
+    line = "x.csv: t: expected rows at most 100000 steps of 0.1 s apart, got none from 0.1 s to 2"
+    with pytest.raises(LogError, match=line):
+        track(ekf, log)
