@@ -127,7 +127,8 @@ class Library:
     """An exported library whose wrappers take and return arrays, in its own precision."""
 
     def __init__(self, exported: Exported, path: Path, *, single: bool = False):
-        self._real, self._sizes = (np.float32, (4, 4)) if single else (np.float64, (8, 8))
+        self._real: Any = np.float32 if single else np.float64
+        self._sizes = (4, 4) if single else (8, 8)
         self.name, self.folder = exported.name, exported.folder
         self.library = ctypes.CDLL(str(path))
         self.functions = {each["name"]: each for each in exported.functions}
