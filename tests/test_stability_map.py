@@ -11,7 +11,11 @@ from dtcasadi.bench.stability_reference import reference_of, shipped
 from dtcasadi.bench.stability_runs import cell_of, step_grid
 from dtcasadi.cli import main
 
-LONG = pytest.param("long_conservative", marks=pytest.mark.slow)
+CELLS = [
+    ("fold_back", "rk4"),
+    ("fold_back", "heun"),
+    pytest.param("long_conservative", "rk4", marks=pytest.mark.slow),
+]
 
 
 def test_rows_and_columns_are_complete():
@@ -28,8 +32,15 @@ def test_the_grid_of_steps():
     assert step_grid(50.0, 0.5) == pytest.approx([1, 10**-0.25])  # none above a second
 
 
-def own_rk4(name: str, step_s: float, most: float) -> bool:
-    """Whether the textbook's RK4, written out, keeps the energy below a bound to the horizon."""
+# Rows of stages, then the weights: the textbook's Heun and RK4, written out.
+OWN = {
+    "heun": ([[], [1.0]], [0.5, 0.5]),
+    "rk4": ([[], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0]], [1 / 6, 1 / 3, 1 / 3, 1 / 6]),
+}
+
+
+def own_run(name: str, method: str, step_s: float, most: float) -> bool:
+    """Whether a method's own loop keeps the energy below a bound to the horizon."""
     scene = shipped(name)
     model = scene.build()
     ode, n = model.compiled("ode"), model.n_q
@@ -37,12 +48,13 @@ def own_rk4(name: str, step_s: float, most: float) -> bool:
     x, u, theta = scene.x0(model), scene.pressure(0.0), model.theta0
     steps = int(np.ceil(scene.t_end / step_s - 1e-9))
     h = scene.t_end / steps
+    rows, weights = OWN[method]
     for _ in range(steps):
-        a = ode(x, u, theta)
-        b = ode(x + h / 2 * a, u, theta)
-        c = ode(x + h / 2 * b, u, theta)
-        d = ode(x + h * c, u, theta)
-        x = x + h / 6 * (a + 2 * b + 2 * c + d)
+        rates: list[np.ndarray] = []
+        for row in rows:
+            ahead = sum((a * rate for a, rate in zip(row, rates, strict=True)), 0.0 * x)
+            rates.append(ode(x + h * ahead, u, theta))
+        x = x + h * sum(b * rate for b, rate in zip(weights, rates, strict=True))
         if not np.all(np.isfinite(x)):
             return False
         energy = kinetic(x[:n], x[n:], theta)[0] + potential(x[:n], theta)[0]
@@ -60,16 +72,17 @@ def own_bound(name: str) -> float:
     return float(V.min() + 2 * (np.max(T + V) - V.min()))
 
 
-@pytest.mark.parametrize("name", ["fold_back", LONG])
-def test_a_cell_by_an_independent_loop(name):
-    """RK4's largest step on the grid; the bound agrees to what samples of the run miss."""
+@pytest.mark.parametrize(("name", "method"), CELLS)
+def test_a_cell_by_an_independent_loop(name, method):
+    """The largest step on the grid; the bound agrees to what samples of the run miss."""
     reference = reference_of(name)
     assert reference.most == pytest.approx(own_bound(name), rel=5e-3)
-    cell = cell_of(name, "rk4", reference)
+    cell = cell_of(name, method, reference)
     largest = cell["max_stable_step_s"]
     assert cell["status"] == "ok" and isinstance(largest, float)
-    assert own_rk4(name, largest, reference.most)
-    assert not any(own_rk4(name, step, reference.most) for step in step_grid(1.0, 1.01 * largest))
+    assert own_run(name, method, largest, reference.most)
+    steps = step_grid(1.0, 1.01 * largest)
+    assert not any(own_run(name, method, step, reference.most) for step in steps)
 
 
 def test_the_command(tmp_path, capsys):

@@ -33,7 +33,7 @@ LARGE = 100
 def cost_ratio(n_q: int) -> float:
     """Cost of a step of rodas4 in steps of tsit5: 1.3 with 6 coordinates, 1.8 with 15, 10 with 75.
 
-    Measured on robots of 2 to 75 coordinates; the square is the factorization's share.
+    A fit to robots of 2 to 15 coordinates; the square is the factorization's share beyond them.
     """
     return 1 + n_q / 25 + (n_q / 30) ** 2
 
