@@ -29,12 +29,10 @@ DEFAULT_FLAGS = (
     # Neither changes a computed value: nobody reads errno or the floating-point exception flags.
     "-fno-math-errno",
     "-fno-trapping-math",
-    # Squares, minima and maxima are functions of a line: a library may inline them with this alone.
-    "-fno-semantic-interposition",
     "-fPIC",
     "-shared",
 )
-FLAGS_OF_LIBRARIES = DEFAULT_FLAGS[-3:]
+FLAGS_OF_LIBRARIES = DEFAULT_FLAGS[-2:]
 DEFAULT_TIMEOUT_S = 600.0
 LIBRARY_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 _NATIVE = "-march=native"

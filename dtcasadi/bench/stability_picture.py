@@ -27,12 +27,12 @@ from ..style import (
 ACCURATE = 1e-2
 _GOOD, _STABLE, _UNKNOWN = faded(GREEN, 0.45), faded(SKY, 0.4), faded(BLUE, 0.12)
 _REFUSED, _FAILED = faded(ORANGE, 0.45), faded(VERMILION, 0.55)
-_LETTERS = {"energy": "E", "not_finite": "N", "newton": "I", "cost": "S", "singular": "R"}
+_LETTERS = {"energy": "E", "not_finite": "N", "newton": "I", "cost": "S", "singular": "R", "unfit": "-"}
 _LEGEND = (
     (_GOOD, "stable, pose error up to 0.01 lengths"),
     (_STABLE, "stable, error above"),
     (_UNKNOWN, "stable, error not known"),
-    (_REFUSED, "R  refused: the chart is singular there"),
+    (_REFUSED, "refused: R the chart is singular there, - not for such models"),
     (_FAILED, "failed: E energy, N not finite, I iteration, S too many steps, F other"),
 )
 # Families of fixed-step methods, each by its first method; before the first: steps of their own.

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from ..errors import DtcasadiError
 from ..integrators import METHODS, ONE_STEP, Trajectory
 from ..integrators.package import Package
 from ..integrators.problem import Problem
@@ -27,12 +28,13 @@ class Cell:
     """What a method does on a scene.
 
     Attributes:
-        status: `ok`, `failed`, or `refused`: stopped at a singularity of the chart, and said so.
+        status: `ok`, `failed`, or `refused`: stopped at a singularity of the chart, or does not
+            take such models, and said so.
         reason: a line for people.
         max_stable_step_s: of a method with a fixed step that is `ok` [s].
         error: pose error at the horizon, with that step or at default tolerances, in lengths;
             None where the references do not reach the horizon or disagree.
-        kind: why not ok in a word: energy, not_finite, newton, singular, cost, other.
+        kind: why not ok in a word: energy, not_finite, newton, singular, cost, unfit, other.
         steps: steps of the run that the error is of.
     """
 
@@ -70,9 +72,12 @@ def cell_of(name: str, method: str, reference: Reference) -> dict[str, object]:
     scene = shipped(name)
     model = model_of(scene)
     fixed = ONE_STEP.get(method)
-    if fixed is None:
-        return asdict(_adaptive(scene, model, method, reference))
-    return asdict(_largest(scene, model, Package(fixed, fixed=True), reference))
+    try:
+        if fixed is None:
+            return asdict(_adaptive(scene, model, method, reference))
+        return asdict(_largest(scene, model, Package(fixed, fixed=True), reference))
+    except DtcasadiError as error:  # a method that does not take such models
+        return asdict(Cell("refused", str(error), kind="unfit"))
 
 
 def _largest(scene: Scene, model: Model, method: Package, reference: Reference) -> Cell:
