@@ -6,6 +6,7 @@ are held, a fourth is followed slowly, then something pulls the tip aside. Print
 draws it: `python examples/pressure_control.py picture.png`.
 """
 
+import os
 import sys
 
 import numpy as np
@@ -17,6 +18,8 @@ from ocp import PressureMPC
 from ocp.closed_loop import closed_loop
 from ocp.plots import picture
 from ocp.scenario import experiment, spans
+
+T_END = 5.0 if os.environ.get("DTCASADI_SHORT") else 16.0
 
 
 def main(target: str, t_end: float) -> None:
@@ -57,5 +60,5 @@ def main(target: str, t_end: float) -> None:
 if __name__ == "__main__":
     main(
         sys.argv[1] if len(sys.argv) > 1 else "pressure_control.png",
-        float(sys.argv[2]) if len(sys.argv) > 2 else 16.0,
+        float(sys.argv[2]) if len(sys.argv) > 2 else T_END,
     )
