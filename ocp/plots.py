@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from dtcasadi.animate import animate
 from dtcasadi.errors import ControlError
@@ -89,6 +90,10 @@ def _times(axes: Axes, loop: Loop) -> None:
     median = float(np.median(ms))
     axes.semilogy(loop.t[1:], ms, ".", ms=2.5, color=GREY)
     axes.axhline(median, color=BLACK, lw=1, label=f"median {median:.3g} ms")
+    # Whole decades: labels between them would lie on each other where all calls take alike.
+    low, high = np.floor(np.log10(np.min(ms))), np.ceil(np.log10(np.max(ms)))
+    axes.set_ylim(10**low, 10 ** max(high, low + 1))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("call [ms]")
     _legend(axes)
 

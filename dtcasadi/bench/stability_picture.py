@@ -27,7 +27,14 @@ from ..style import (
 ACCURATE = 1e-2
 _GOOD, _STABLE, _UNKNOWN = faded(GREEN, 0.45), faded(SKY, 0.4), faded(BLUE, 0.12)
 _REFUSED, _FAILED = faded(ORANGE, 0.45), faded(VERMILION, 0.55)
-_LETTERS = {"energy": "E", "not_finite": "N", "newton": "I", "cost": "S", "singular": "R", "unfit": "-"}
+_LETTERS = {
+    "energy": "E",
+    "not_finite": "N",
+    "newton": "I",
+    "cost": "S",
+    "singular": "R",
+    "unfit": "-",
+}
 _LEGEND = (
     (_GOOD, "stable, pose error up to 0.01 lengths"),
     (_STABLE, "stable, error above"),

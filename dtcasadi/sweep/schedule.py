@@ -71,8 +71,13 @@ def scheduled(
         # Where several were under way when the pool broke, one at a time tells whose fault it is.
         careful = bool(suspects)
         rounds = _Rounds(job, inputs, receive, suspects if careful else queue)
+        before = set(multiprocessing.active_children())
         with local_pool(1 if careful else workers) as pool:
             broken = rounds.over(pool, 1 if careful else 2 * workers)
+            if broken:
+                # A process that was being started when the pool broke would be waited for forever.
+                for child in set(multiprocessing.active_children()) - before:
+                    child.kill()
         if careful and broken:
             rounds.blame(broken[0], "the process that computed it died")
         else:
