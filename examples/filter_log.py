@@ -57,4 +57,4 @@ def start_of(ekf: EKF) -> str:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:4])
+    main(*(sys.argv[1:4] or ["filter_log"]))
