@@ -2,65 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import casadi as ca
-import numpy as np
 
-from dtcasadi.measuring import Sensor
+from dtcasadi import waist
 
 
-class Discrete(Protocol):
+class Discrete(waist.Discrete, Protocol):
     """What a controller needs of a model; `dtcasadi.discrete.DiscreteModel` is one.
 
-    `step`, `linearize` and `ode` are Functions of x, u, theta; `native(name)` is the form of one
-    for generated C. Only direct collocation reads `ode`.
+    As for estimators; direct collocation also reads `ode`, a Function of x, u, theta.
     """
-
-    @property
-    def step(self) -> ca.Function:
-        """Function x, u, theta -> x_next, status (0: good)."""
-
-    @property
-    def linearize(self) -> ca.Function:
-        """Function x, u, theta -> x_next, F_x, F_u, F_theta."""
-
-    @property
-    def linearize_checked(self) -> ca.Function:
-        """The same with `status`, 0: good, behind."""
 
     @property
     def ode(self) -> ca.Function:
         """Function x, u, theta -> xdot."""
-
-    @property
-    def theta0(self) -> np.ndarray:
-        """The parameters, shape (n_theta,)."""
-
-    @property
-    def theta_blocks(self) -> Mapping[str, slice]:
-        """Name of each block of theta -> its slice."""
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """One name per state."""
-
-    @property
-    def step_s(self) -> float:
-        """Step [s]."""
-
-    @property
-    def sensors(self) -> Mapping[str, Sensor]:
-        """What can be tracked and limited, by name."""
-
-    def native(self, name: str) -> ca.Function:
-        """A Function with hand-written C kernels inside, for code generation only."""
-
-    def together(self, names: Sequence[str]) -> Sensor:
-        """Several sensors read at the same instant, as one."""
-
-    def recentre(
-        self, x: np.ndarray, theta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """State and parameters about new centres, and the map T of a covariance."""
