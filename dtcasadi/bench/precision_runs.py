@@ -15,7 +15,7 @@ from .balance import energy_defect, momentum_defect
 from .motions import model_of, pose_of, problem_of
 from .precision_reference import Motion, Reference, distances, reference_of
 
-TOLERANCES = tuple(10.0**-k for k in range(2, 12))
+TOLERANCES = tuple(10 ** (-k / 2) for k in range(4, 23))
 STEPS = tuple(10 ** (-k / 2) for k in range(11))
 # A run is repeated while it is quick; a method slower than the patience stays at its tolerance.
 REPEATS, QUICK_S, PATIENCE_S = 7, 0.02, 0.4

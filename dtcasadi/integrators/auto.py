@@ -17,9 +17,10 @@ from .steppers import ONE_STEP
 EXPLICIT, IMPLICIT = Package(ONE_STEP["tsit5"]), Package(RODAS4)
 # Real stability interval of tsit5, |R(z)| <= 1 for z in (-3.0, 0).
 EXPLICIT_REACH = 3.0
-# Steps of rodas4 before its step is compared (its first size is a guess, and grows by 5 at most),
-# of later looks, of tsit5 before it is looked at, and the longest stretch without looking.
-LOOK, LOOK_AGAIN, FIRST_STRETCH, LONGEST = 16, 4, 48, 1600
+# Fewest steps of rodas4 before its step is compared (its first size is a guess, and grows by 5 at
+# most) and most before the first look, steps of later looks, of tsit5 before it is looked at, and
+# the longest stretch without looking.
+LOOK, LATEST_LOOK, LOOK_AGAIN, FIRST_STRETCH, LONGEST = 16, 64, 4, 48, 1600
 # A change of method has to promise so much: switching to and fro costs a dozen steps each time.
 MARGIN = 1.25
 # Share of the stability limit from which on it may be what sets explicit steps: a fast mode that
@@ -30,12 +31,19 @@ HIDDEN = 0.2
 LARGE = 100
 
 
-def cost_ratio(n_q: int) -> float:
-    """Cost of a step of rodas4 in steps of tsit5: 1.3 with 6 coordinates, 1.8 with 15, 10 with 75.
+def cost_ratio(model: Model) -> float:
+    """Cost of a step of rodas4 in steps of tsit5.
 
-    A fit to robots of 2 to 15 coordinates; the square is the factorization's share beyond them.
+    A fit to chains of 2 and of 5 coordinates a segment: 1.2 to 1.7 with 4 to 32 coordinates in the
+    plane, 2.9 and 7 with 15 and 75 in space.
     """
-    return 1 + n_q / 25 + (n_q / 30) ** 2
+    each = model.n_q / max(len(model.charts), 1)
+    return float(1 + 0.037 * each**1.7 * model.n_q**0.5)
+
+
+def first_look(n_q: int) -> int:
+    """Steps of rodas4 before the first look: as long as a look or two take (some 60 us each)."""
+    return max(LOOK, min(300 // max(n_q, 1), LATEST_LOOK))
 
 
 def step_ratio(rtol: float) -> float:
@@ -92,7 +100,7 @@ class _Choosing:
 
     def run(self, name: str) -> Trajectory:
         """Piece by piece, stretch by stretch; stretches grow while a method stays the choice."""
-        method, most, failure = IMPLICIT, LOOK, ""
+        method, most, failure = IMPLICIT, first_look(self._problem.model.n_q), ""
         run, recorder = self._advance, self._recorder
         self._uses.append((run.t, method.name, "a first look at the step that accuracy allows"))
         for piece in affine(name, self._problem):
@@ -115,11 +123,11 @@ class _Choosing:
 
     def _next(self, method: Package, most: int, u: np.ndarray) -> tuple[Package, int]:
         """The method for the next steps, and how many."""
-        run, cost = self._advance, cost_ratio(self._problem.model.n_q)
+        run, cost = self._advance, cost_ratio(self._problem.model)
         step = run.h or 0.0
         growth = self._growth(most) if method is IMPLICIT and most >= LOOK else 1.0
         if growth > 2:  # too early to compare
-            return IMPLICIT, 2 * LOOK
+            return IMPLICIT, 2 * most
         allowed = EXPLICIT_REACH / max(_fastest_rate(self._jacobian, run, u), 1e-300)
         if method is EXPLICIT:
             stretch, self._stretch = self._stretch, min(3 * self._stretch, LONGEST)
@@ -131,9 +139,11 @@ class _Choosing:
             self._taken = (t[-1] - t[0]) / (len(t) - 1)
             self._sizes[IMPLICIT.name] = 2 * MARGIN * cost * self._taken
             return IMPLICIT, LOOK_AGAIN
-        worth = cost * min(step_ratio(self._problem.rtol) * step, allowed, self._taken)
+        accurate = step_ratio(self._problem.rtol) * step
+        # Steps near the stability limit pay for it before they reach it.
+        worth = cost * min(1 / (1 / accurate + 1 / allowed), self._taken)
         explicit = self._uses[-1][1] == EXPLICIT.name
-        if growth > 1.5 and 10 * step_ratio(self._problem.rtol) * step > allowed:
+        if growth > 1.5 and 10 * accurate > allowed:
             # A transient that fades: growing on, steps will soon be beyond what is stable.
             return IMPLICIT, 2 * most
         if worth * (MARGIN if explicit else 1 / MARGIN) > step:
@@ -164,8 +174,9 @@ def _fastest_rate(jacobian: Bound, run: Advance, u: np.ndarray) -> float:
     scale = float(np.abs(F_x).max())
     if not 0 < scale < np.inf:
         return 0.0
-    scaled, before = F_x / scale, np.ones(len(run.x))
-    for _ in range(7):
+    scaled = F_x / scale
+    before = scaled @ np.ones(len(run.x))
+    for _ in range(6):
         before = scaled @ before
     after = scaled @ before
     size = np.abs(before).max()

@@ -22,6 +22,8 @@ _CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_double, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double)
 )
 _NO_CALLBACK = _CALLBACK()
+# Stretches between two looks of `auto` differ in length; room for most of them is made once.
+_LEAST_ROOM = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,7 @@ class Work:
     def outputs(self, capacity: int) -> tuple[np.ndarray, np.ndarray]:
         """Room for the times and states of so many steps."""
         if capacity > self._capacity:
-            self._capacity = capacity
+            self._capacity = capacity = max(capacity, _LEAST_ROOM)
             self._t, self._x = np.empty(capacity), np.empty((capacity, self._n_x))
             self.pointers = [_pointer(array) for array in (self._t, self._x, *self._scratch)]
         return self._t, self._x
