@@ -61,8 +61,9 @@ def test_the_choice_follows_the_motion():
     uses = both.choice.split("; ")
     assert uses[1].startswith("tsit5 from t = 0.") and uses[-1].startswith("rodas4 from t = ")
     assert "at the stability limit" in uses[-1]
-    # tsit5's steps of the fall cost less than rodas4's; there are about as many.
-    assert both.steps < 1.2 * min(explicit.steps, implicit.steps)
+    # tsit5's steps of the fall cost less than rodas4's; there are more of them.
+    equal = cost_ratio(both.model) * implicit.steps
+    assert both.steps < 1.2 * min(explicit.steps, equal)
 
 
 @pytest.mark.parametrize("damping", [SOFT, SEED, STIFF])

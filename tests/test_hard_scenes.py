@@ -80,11 +80,14 @@ def test_the_spin_has_no_end():
 
 @pytest.mark.slow
 def test_the_coil_lets_its_energy_go():
-    """Straight at first; it ends bent, near a pose without force (a wall has mirror poses too)."""
+    """Straight at first; it ends bent, all but at rest, in a pose that holds little, as Radau says."""
     found = run("pre_curved", SMOOTH)
     assert np.allclose(places(found, 0)[:, :2], 0, atol=1e-12)
     stored = found.energy["potential"]
-    assert stored[-1] < 0.02 * stored[0] and found.energy["dissipated"][-1] > 0.9 * stored[0]
+    assert stored[-1] < 0.05 * stored[0] and found.energy["dissipated"][-1] > 0.9 * stored[0]
+    assert found.energy["kinetic"][-1] < 0.01 * stored[0]
+    # Some thousand steps with errors of 1e-7 of the states.
+    assert abs(stored[-1] - run("pre_curved", SMOOTH, "Radau").energy["potential"][-1]) < 1e-5
 
 
 def test_a_spring_of_length_zero_at_the_start():

@@ -20,7 +20,7 @@ EXPLICIT_REACH = 3.0
 # Fewest steps of rodas4 before its step is compared (its first size is a guess, and grows by 5 at
 # most) and most before the first look, steps of later looks, of tsit5 before it is looked at, and
 # the longest stretch without looking.
-LOOK, LATEST_LOOK, LOOK_AGAIN, FIRST_STRETCH, LONGEST = 16, 64, 4, 48, 1600
+LOOK, LATEST_LOOK, LOOK_AGAIN, LONGEST = 16, 64, 4, 1600
 # A change of method has to promise so much: switching to and fro costs a dozen steps each time.
 MARGIN = 1.25
 # Share of the stability limit from which on it may be what sets explicit steps: a fast mode that
@@ -95,26 +95,30 @@ class _Choosing:
         self._jacobian = kept(problem.model, "ode_jacobian")
         self._uses: list[tuple[float, str, str]] = []
         self._sizes: dict[str, float | None] = {}  # each method's own step goes on where it was
-        self._stretch = FIRST_STRETCH
+        self._stretch = 2 * first_look(problem.model.n_q)
         self._taken = np.inf  # the explicit method's steps, where stability may have set them
 
     def run(self, name: str) -> Trajectory:
         """Piece by piece, stretch by stretch; stretches grow while a method stays the choice."""
         method, most, failure = IMPLICIT, first_look(self._problem.model.n_q), ""
-        run, recorder = self._advance, self._recorder
+        run, recorder, left = self._advance, self._recorder, most
         self._uses.append((run.t, method.name, "a first look at the step that accuracy allows"))
         for piece in affine(name, self._problem):
             while run.t < piece.t_end and not (failure or recorder.ended):
                 run.h = self._sizes.get(method.name, run.h)
-                failure = run.over(method, piece, piece.t_end, most)
+                before = recorder.steps
+                failure = run.over(method, piece, piece.t_end, left)
                 self._sizes[method.name] = run.h
+                left -= recorder.steps - before
                 if failure and method is EXPLICIT:
                     # Its collapsed step is no start for another method.
                     failure, method, most = "", IMPLICIT, LOOK
+                    left = most
                     self._sizes = {method.name: None, EXPLICIT.name: None}
                     self._uses.append((run.t, method.name, "tsit5 failed"))
-                elif run.t < self._problem.pieces[-1].t_end:
+                elif left <= 0:
                     method, most = self._next(method, most, piece(run.t))
+                    left = most
             if failure or recorder.ended:
                 break
         note = "; ".join(f"{used} from t = {t:.3g} s ({why})" for t, used, why in self._uses)
@@ -126,8 +130,8 @@ class _Choosing:
         run, cost = self._advance, cost_ratio(self._problem.model)
         step = run.h or 0.0
         growth = self._growth(most) if method is IMPLICIT and most >= LOOK else 1.0
-        if growth > 2:  # too early to compare
-            return IMPLICIT, 2 * most
+        if growth > 2:  # too early to compare; where steps cost little more, a look is the dearer
+            return IMPLICIT, 2 * most if cost < 2 else most
         allowed = EXPLICIT_REACH / max(_fastest_rate(self._jacobian, run, u), 1e-300)
         if method is EXPLICIT:
             stretch, self._stretch = self._stretch, min(3 * self._stretch, LONGEST)
@@ -135,7 +139,7 @@ class _Choosing:
                 return EXPLICIT, stretch
             # Near its stability limit, an explicit step hides what accuracy would allow: try steps
             # of rodas4 that would be worth it.
-            t = self._recorder.latest(FIRST_STRETCH // 2)
+            t = self._recorder.latest(first_look(self._problem.model.n_q))
             self._taken = (t[-1] - t[0]) / (len(t) - 1)
             self._sizes[IMPLICIT.name] = 2 * MARGIN * cost * self._taken
             return IMPLICIT, LOOK_AGAIN
@@ -145,7 +149,7 @@ class _Choosing:
         explicit = self._uses[-1][1] == EXPLICIT.name
         if growth > 1.5 and 10 * accurate > allowed:
             # A transient that fades: growing on, steps will soon be beyond what is stable.
-            return IMPLICIT, 2 * most
+            return IMPLICIT, most
         if worth * (MARGIN if explicit else 1 / MARGIN) > step:
             if not explicit:
                 why = f"accuracy allows steps of {step:.2g} s, explicit stability {allowed:.2g} s"
@@ -155,7 +159,7 @@ class _Choosing:
         if explicit:
             why = f"explicit steps of {allowed:.2g} s are at the stability limit"
             self._uses.append((run.t, IMPLICIT.name, why))
-            self._stretch, self._taken = FIRST_STRETCH, np.inf
+            self._stretch, self._taken = 2 * first_look(self._problem.model.n_q), np.inf
             return IMPLICIT, LOOK
         return IMPLICIT, min(4 * most, LONGEST)
 

@@ -37,7 +37,7 @@ class Sink(Protocol):
 
 
 class Recorder:
-    """Times, states and parameters of a run in the making."""
+    """Times, states and parameters of a run in the making; a `Sink` that also counts its steps."""
 
     def __init__(self, problem: Problem):
         self._problem = problem
@@ -45,7 +45,7 @@ class Recorder:
         self._x = [problem.x0[np.newaxis]]
         self._ends: list[np.ndarray] = []
         self._thetas = [(1, problem.theta)]  # counts of samples
-        self.size = 0
+        self.size = self.steps = 0
         self.recentrings: list[tuple[float, tuple[int, ...]]] = []
         self.events: list[Passed] = []
         self.ended = ""
@@ -58,6 +58,7 @@ class Recorder:
         self._x.append(x.copy())
         self._ends.append(x.copy())
         self.size += 2 * x.size
+        self.steps += len(t)
         self._thetas.append((len(t), theta))
 
     def latest(self, n: int) -> np.ndarray:
