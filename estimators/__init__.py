@@ -4,12 +4,14 @@ from dtcasadi.waist import Discrete
 
 from .base import Estimate, ProcessNoise
 from .ekf import EKF
+from .mhe import MHE
 from .operating import OperatingPoints, operating_points
 from .spv import SPV
 from .ukf import UKF
 
 __all__ = [
     "EKF",
+    "MHE",
     "SPV",
     "UKF",
     "Discrete",

@@ -15,6 +15,7 @@ from dtcasadi.sensors import IMU, Marker, PressureSensor
 
 from .consistency import nees_in_band
 from .ekf import EKF
+from .mhe import MHE
 from .operating import operating_points
 from .registry import Choice
 from .report import Result, Tip, result_of, tip_errors
@@ -67,7 +68,7 @@ def convergence(choices: dict[str, Choice], chart: str) -> dict[str, float | Non
 
 
 def consistency(runs: int, steps: int) -> dict[str, float]:
-    """`nees_in_band` of EKF, UKF and scheduled observer on the four-disc robot in the plane.
+    """`nees_in_band` of every filter but the smoother on the four-disc robot in the plane.
 
     Pressure, two inertial chips and a tip marker at 200 Hz; see `tests/test_ekf_consistency.py`.
     """
@@ -87,6 +88,7 @@ def consistency(runs: int, steps: int) -> dict[str, float]:
     filters: dict[str, Filter] = {
         "ekf": EKF(discrete, x0=near, P0=P0, Q_w=Q),
         "ukf": UKF(discrete, x0=near, P0=P0, Q_w=Q),
+        "mhe": MHE(discrete, x0=near, P0=P0, Q_w=Q),
         "spv": SPV(discrete, points, x0=near, Q_w=Q, gauge="air"),
     }
     case: dict[str, Any] = {"mean": near, "Q": Q, "u": u, "runs": runs, "steps": steps}

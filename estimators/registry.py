@@ -14,6 +14,7 @@ from dtcasadi.scene import Scene
 from dtcasadi.sensors import PressureSensor
 
 from .ekf import EKF
+from .mhe import MHE
 from .operating import operating_points
 from .runner import Filter, Track, track
 from .scenario import discrete_of, knowledge, settings
@@ -87,11 +88,17 @@ def _ukf(scene: Scene, discrete: DiscreteModel) -> UKF:
     return UKF(discrete, **vars(knowledge(scene, discrete)))
 
 
+def _mhe(scene: Scene, discrete: DiscreteModel) -> MHE:
+    """See `MHE`."""
+    return MHE(discrete, **vars(knowledge(scene, discrete)))
+
+
 # Of the extended Kalman filter, as it is what goes back over its run.
 SMOOTHER = "smoother"
 ESTIMATORS = {
     "ekf": Choice("extended Kalman filter", _ekf),
     "ukf": Choice("unscented Kalman filter", _ukf),
+    "mhe": Choice("moving horizon estimator", _mhe),
     SMOOTHER: Choice("fixed-interval smoother", _ekf, smoothed),
     "spv": Choice("parameter-varying observer", _spv),
 }

@@ -18,6 +18,7 @@ from dtcasadi.sensors import Marker
 from .base import ProcessNoise
 from .covariance import predicted, updated
 from .ekf import EKF
+from .mhe import MHE, WINDOW, MovingEstimate
 from .operating import operating_points
 from .runner import Track
 from .smoother import backwards
@@ -110,6 +111,19 @@ class Case:
             ukf.update(ukf.predict(ukf.start, self.u), self.y, self.names, self.u)
 
         return _least(once, 50)
+
+    def mhe_us(self) -> float:
+        """Time of predict and update of the moving horizon from Python, its window full [us]."""
+        P0 = np.full(len(self.x) + 6 * len(self.augment), 1e-4)
+        mhe = MHE(self.discrete, x0=self.x, P0=P0, Q_w=self.noise, augment=self.augment)
+        est = mhe.start
+
+        def stepped(est: MovingEstimate) -> MovingEstimate:
+            return mhe.update(mhe.predict(est, self.u), self.y, self.names, self.u)
+
+        for _ in range(WINDOW + 1):
+            est = stepped(est)
+        return _least(lambda: stepped(est), 50)
 
     def smoother_us(self) -> float:
         """Time of the smoother's way back for a step, from Python [us]."""

@@ -14,7 +14,7 @@ FIGURES = {"us_per_step", "tip_rmse_over_length", "force_error", "nees_in_band",
 
 def test_the_record_has_the_figures_of_every_estimator(tmp_path, monkeypatch):
     errors = {"tip_rmse_over_length": 0.01, "force_error": 0.02}
-    names = ("ekf", "ukf", "smoother", "spv")
+    names = ("ekf", "ukf", "mhe", "smoother", "spv")
     monkeypatch.setattr(benchmark, "mismatch", lambda choices: dict.fromkeys(choices, errors))
     monkeypatch.setattr(benchmark, "convergence", lambda choices, chart: dict.fromkeys(choices))
     words = ["bench", "estimators", "--chart", "planar", "--runs", "1", "--steps", "4"]

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from kalman import N_U, Kalman, N, covariance, toy_plant
+from hanging import Still, hanging
+from kalman import N_U, N, covariance, toy_plant
 from linear_toy import LinearDiscrete
 
-import dtcasadi as dtc
 from dtcasadi.errors import EstimationError
-from dtcasadi.sensors import Marker
-from estimators import EKF, UKF, ProcessNoise
+from estimators import UKF, ProcessNoise
 from estimators.sigma import gathered, root_of, spread_out, triangle
 from estimators.ukf import serial
 
@@ -21,43 +20,6 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def toy() -> LinearDiscrete:
     return toy_plant()
-
-
-@pytest.mark.parametrize("distance", [3**0.5, 0.5])
-def test_it_is_the_kalman_filter_on_a_linear_model(toy, rng, distance):
-    Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
-    more = {"distance": distance, "many": serial}
-    ukf = UKF(toy, x0=x0, P0=P0, Q_w=Q, augment=("mass",), **more)
-    plain, est = Kalman(toy, Q), ukf.start
-    z, P = np.concatenate([x0, toy.theta0[2:]]), P0
-    for k in range(50):
-        u = rng.normal(size=N_U)
-        est = ukf.predict(est, u)
-        z, P = plain.predict(z, P, u)
-        names = (["pair"], ["one"], ["pair", "one"])[k % 3]
-        y = rng.normal(size=sum(len(toy.measured[name][0]) for name in names))
-        if k % 5 == 0:
-            y[0] = np.nan
-        est = ukf.update(est, y, names, u)
-        z, P, nis = plain.update(z, P, y, names)
-        # 1e-10 of values of order 1: fifty steps of round-off in two formulas.
-        np.testing.assert_allclose(np.concatenate([est.x, est.theta[2:]]), z, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(est.P, P, rtol=0, atol=1e-10)
-        assert abs(est.nis - nis) < 1e-9 * max(1, nis)
-    assert est.skipped == 10 and not est.failure
-
-
-def test_noise_of_forces_goes_through_the_step(toy):
-    six = LinearDiscrete(
-        toy.F, toy.G, np.ones((N, 6)) * np.arange(6), {}, np.zeros(6), {"wrench": slice(0, 6)}
-    )
-    noise = ProcessNoise(force=2.0, state=0.5, walk={"wrench": [1, 2, 3, 4, 5, 6]})
-    filters = [
-        kind(six, x0=np.zeros(N), P0=np.r_[np.zeros(N), np.ones(6)], Q_w=noise, augment=("wrench",))
-        for kind in (EKF, lambda *a, **k: UKF(*a, many=serial, **k))
-    ]
-    ekf, ukf = (each.predict(each.start, np.zeros(N_U)).P for each in filters)
-    np.testing.assert_allclose(ukf, ekf, rtol=0, atol=1e-12 * np.abs(ekf).max())
 
 
 def test_the_transform_is_the_weighted_sums_of_the_textbook(rng):
@@ -91,29 +53,6 @@ def test_a_square_bends_the_mean():
     points = spread_out(np.array([m]), np.sqrt([[P]]), 3**0.5)
     cloud = gathered(points**2, 3**0.5)
     assert cloud.mean[0] == pytest.approx(m**2 + P, rel=1e-14)
-
-
-def test_readings_that_are_no_numbers_and_outliers(toy, rng):
-    ukf = UKF(toy, x0=np.zeros(N), P0=np.full(N, 0.01), Q_w=np.ones(N), gate=1e-4, many=serial)
-    u = np.zeros(N_U)
-    for bad in (np.nan, np.inf):
-        est = ukf.update(ukf.start, np.full(3, bad), "pair", u)
-        assert est.skipped == 3 and est.used == 0 and est.nis == 0
-        np.testing.assert_array_equal(est.x, ukf.start.x)
-    far = ukf.update(ukf.start, [100.0, 0.0, 0.0], "pair", u)
-    assert far.gated == 1 and not far.believed and np.array_equal(far.P, ukf.start.P)
-    with pytest.raises(EstimationError, match="gate: expected a chance between 0 and 1, got 2"):
-        UKF(toy, x0=np.zeros(N), P0=np.ones(N), Q_w=np.ones(N), gate=2, many=serial)
-
-
-def hanging(chart: str = "planar") -> dtc.DiscreteModel:
-    disc = dtc.Disc.hoop(1.0, 0.2)
-    points = [dtc.presets.rim(0.2, a) for a in (1.5, 3.1, 4.7)]
-    springs = [dtc.Spring((1, 2), p, p, stiffness=200.0, damping=2.0) for p in points]
-    robot = dtc.Robot((disc, disc), (dtc.Thread(0.5),), tuple(springs), up=np.array([0, 0, -1]))
-    sensors = (Marker(name="tip", disc=2, noise=0.01),)
-    model = dtc.build(robot, chart=chart, wrenches=(2,))
-    return model.discrete(0.005, method="rk4", sensors=sensors)
 
 
 @pytest.mark.parametrize("chart", ["planar", pytest.param("cardan", marks=pytest.mark.slow)])
@@ -156,11 +95,9 @@ def test_re_centring_maps_the_covariance():
     np.testing.assert_allclose(moved.P, T @ stayed.P @ T.T, rtol=0, atol=1e-14)
 
 
-class Still:
-    """A discrete model that keeps its centres."""
-
-    def __init__(self, discrete: dtc.DiscreteModel):
-        self.recentre = lambda x, theta: (x, theta, np.eye(len(x)))
+def test_a_gate_that_is_no_chance_is_refused(toy):
+    with pytest.raises(EstimationError, match="gate: expected a chance between 0 and 1, got 2"):
+        UKF(toy, x0=np.zeros(N), P0=np.ones(N), Q_w=np.ones(N), gate=2, many=serial)
 
 
 def test_a_step_that_fails_leaves_the_estimate(toy):

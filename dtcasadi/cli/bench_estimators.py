@@ -1,7 +1,7 @@
 """`dtcasadi bench estimators`: errors against microseconds for a step.
 
-Those of EKF and observer are of compiled C, those of the unscented filter and of the smoother's
-way back of calls from Python.
+Those of EKF and observer are of compiled C, those of the unscented filter, of the moving horizon
+and of the smoother's way back of calls from Python.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     if options.png:
         check_target(Path(options.png))
     compiler = find_compiler()
-    choices = {name: ESTIMATORS[name] for name in ("ekf", "ukf", "smoother", "spv")}
+    choices = dict(ESTIMATORS)
     report.section("time", "time of a step: the paper's four-disc robot, twelve measurements")
     report.note(compiler=compiler.version if compiler else None)
     case = Case(options.chart)
@@ -69,6 +69,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
     )
     filterpy = case.filterpy_us()
     times = {"ekf": parts["us_per_step"], "ukf": case.ukf_us(), "spv": case.spv_us()}
+    times["mhe"] = case.mhe_us()
     times["smoother"] = times["ekf"] + case.smoother_us()
     errors, shares = mismatch(choices), consistency(options.runs, options.steps)
     settled = convergence(choices, options.chart)
