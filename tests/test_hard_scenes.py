@@ -80,7 +80,7 @@ def test_the_spin_has_no_end():
 
 @pytest.mark.slow
 def test_the_coil_lets_its_energy_go():
-    """Straight at first; it ends bent, all but at rest, in a pose that holds little, as Radau says."""
+    """Straight at first; it ends bent, at rest, in a pose that holds little, as Radau says."""
     found = run("pre_curved", SMOOTH)
     assert np.allclose(places(found, 0)[:, :2], 0, atol=1e-12)
     stored = found.energy["potential"]
