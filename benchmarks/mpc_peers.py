@@ -89,7 +89,7 @@ def main() -> None:
         case.found.plant,
         case.found.stages,
         t_end=options.t_end,
-        estimator=case.estimator(),
+        estimator=case.estimator,
         measured=control_of(case.scene).measured,
     )
     figures: dict[str, Any] = {}

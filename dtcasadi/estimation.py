@@ -24,6 +24,8 @@ class Estimation:
         force_sigma: standard deviation of the contact force at the start, one number for all
             axes or three; zero: that component is known to be zero [N].
         force_walk: how far it wanders, the same way [N/sqrt(s)].
+        moment_sigma: of a moment on the same disc, the same way [N m].
+        moment_walk: how far it wanders, the same way [N m/sqrt(s)].
         force_noise: of white force noise on the same disc [N/sqrt(Hz)].
         rate_noise: of white noise on each rate [rad/s/sqrt(s)].
         contact_force: the truth's contact force, in the root's frame, shape (3,) [N].
@@ -47,6 +49,8 @@ class Estimation:
     disc: int | None = None
     force_sigma: Any = 0.1
     force_walk: Any = 0.1
+    moment_sigma: Any = 0.0
+    moment_walk: Any = 0.0
     force_noise: float = 0.0
     rate_noise: float = 0.01
     contact_force: Any = (0.0, 0.0, 0.0)
@@ -65,7 +69,7 @@ class Estimation:
         for name in ("step_s", "angle_sigma", "rate_sigma", "pressure_sigma", "truth_stiffness"):
             value = checks.number(name, getattr(self, name), positive=True, error=_error)
             object.__setattr__(self, name, value)
-        for name in ("force_sigma", "force_walk"):
+        for name in ("force_sigma", "force_walk", "moment_sigma", "moment_walk"):
             given = np.broadcast_to(getattr(self, name), (3,))
             row = checks.array(name, given, (3,), error=_error)
             if np.any(row < 0):

@@ -132,7 +132,7 @@ def read_estimation(table: Table | None) -> Estimation | None:
         name: table.number(key, unit, default=None, nonnegative=True)
         for name, (key, unit) in names.items()
     }
-    for name in ("force_sigma", "force_walk"):
+    for name in ("force_sigma", "force_walk", "moment_sigma", "moment_walk"):
         fields[name] = table.row(name, 3, default=None)
     for name in ("force_noise", "rate_noise", "gate", "truth_stiffness"):
         fields[name] = table.number(name, default=None, nonnegative=True)

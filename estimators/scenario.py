@@ -10,8 +10,7 @@ import numpy as np
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.errors import EstimationError
 from dtcasadi.estimation import Estimation
-from dtcasadi.integrators import ONE_STEP
-from dtcasadi.integrators.rosenbrock import Rosenbrock
+from dtcasadi.integrators import linearly_implicit
 from dtcasadi.scene import Scene
 
 from .base import ProcessNoise
@@ -62,8 +61,7 @@ def discrete_of(scene: Scene, **overrides: Any) -> DiscreteModel:
     """
     choice = settings(scene)
     model = scene.build(wrenches=contact_disc(scene), **overrides)
-    # Of a linearly implicit step the derivative without second ones is as stable as the step.
-    exact = not isinstance(ONE_STEP.get(choice.method), Rosenbrock)
+    exact = not linearly_implicit(choice.method)
     return model.discrete(choice.step_s, method=choice.method, exact=exact, sensors=scene.sensors)
 
 
@@ -75,8 +73,8 @@ def knowledge(scene: Scene, discrete: DiscreteModel) -> Knowledge:
     x0[:n] += choice.offset
     biases = tuple(name for name in discrete.theta_blocks if name.endswith(".bias"))
     sigma = [choice.angle_sigma] * n + [choice.rate_sigma] * n + [choice.pressure_sigma] * n_z
-    sigma += [*choice.force_sigma, 0.0, 0.0, 0.0]
-    walk: dict[str, Any] = {"wrench": [*choice.force_walk, 0.0, 0.0, 0.0]}
+    sigma += [*choice.force_sigma, *choice.moment_sigma]
+    walk: dict[str, Any] = {"wrench": [*choice.force_walk, *choice.moment_walk]}
     for name in biases:
         sigma += [0.1] * 6
         walk[name] = 1e-4

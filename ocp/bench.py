@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from time import perf_counter
 from typing import Any
 
@@ -27,18 +27,20 @@ from .closed_loop import Loop, closed_loop
 from .faults import contract_kept
 from .mpc import PressureMPC
 from .pinned import pinned, timed
-from .scenario import Experiment, control_of, experiment, model_of, robot_of, spans
+from .scenario import Experiment, control_of, experiment, model_of, rested, robot_of, spans
 from .solvers import Solver
 from .transcribe import transcribe
 
 CASES = ("planar", "constraint_active", "regulation", "swing_up", "spatial")
-# The last two solve for so long that they run over the span of J* only, as does ours beside them.
-BASELINES = ("pi", "static", "rti_same_span", "sqpmethod_rti", "ipopt")
+# Solvers take so long that they run over the span of J* only, as does ours beside them.
+BASELINES = ("pi", "static", "rti_same_span", "sqpmethod_rti", "ipopt", "sqpmethod_rti_spatial")
 _LONG = ("pi", "static")
 _SCENES = {"spatial": "control/tip", "swing_up": "control/swing_up"}
 _CONVERGED = "sqpmethod-hpipm"
+# Converged solutions are of a step whose derivatives are exact.
+_EXACT = "midpoint"
 _ROW = (
-    "{name:18} {median_ms:>9} {p99_ms:>9} {tracking_rms_over_length:>9} "
+    "{name:21} {median_ms:>9} {p99_ms:>9} {tracking_rms_over_length:>9} "
     "{steady_error_over_length:>9} {cost_over_converged:>9} {violations:>5} {wall_s:>7}"
 )
 _TITLES = {
@@ -72,18 +74,17 @@ class Case:
     name: str
     scene: Scene
     found: Experiment
-    estimator: Callable[[], Any]
+    estimator: Any
 
     def run(self, controller: Any, t_end: float | None = None) -> Loop:
         """The closed loop."""
-        estimator = self.estimator()
         return closed_loop(
             controller,
             self.found.plant,
             self.found.stages,
             t_end=t_end or self.scene.t_end,
-            estimator=estimator,
-            measured=control_of(self.scene).measured if estimator else None,
+            estimator=self.estimator,
+            measured=control_of(self.scene).measured if self.estimator else None,
         )
 
 
@@ -117,8 +118,9 @@ def case_of(
     scene = replace(scene, control=replace(control, **changes))
     discrete = _model(file, discs, method or control.method)
     found = experiment(scene, discrete=discrete, robot=_robot(file))
-    alone = name == "swing_up"
-    return Case(name, scene, found, lambda: None if alone else estimators(found.scene))
+    start = tuple(float(u) for u in found.plant.u0)
+    estimator = None if name == "swing_up" else _filter(estimators, file, discs, start)
+    return Case(name, scene, found, estimator)
 
 
 def _scene(file: str, discs: int | None) -> Scene:
@@ -137,6 +139,16 @@ def _robot(file: str) -> DiscreteModel:
     return robot_of(load_scene(file))
 
 
+@lru_cache
+def _filter(estimators: Estimators, file: str, discs: int | None, start: tuple[float, ...]) -> Any:
+    """Cases that start from the same pressures share a filter."""
+    scene = _scene(file, discs)
+    control = control_of(scene)
+    begun = replace(control, reference=Profile.constant(np.array(start)))
+    model = _model(file, discs, control.method).model
+    return estimators(rested(replace(scene, control=begun), model))
+
+
 def run(options: argparse.Namespace, report: Any, *, estimators: Estimators) -> None:
     """Measure, case by case.
 
@@ -147,27 +159,42 @@ def run(options: argparse.Namespace, report: Any, *, estimators: Estimators) -> 
     """
     report.section("cases", "cases: real-time iteration, compiled")
     print("  " + _ROW.format(**_TITLES))
-    planar: Case | None = None
+
+    @cache
+    def case(name: str, method: str | None = None) -> Case:
+        return case_of(name, estimators, method=method)
+
+    @cache
+    def best(name: str, span: float) -> float:
+        """J* of a case over its first seconds."""
+        exact = case(name, _EXACT).found
+        return case(name).run(_full(exact, _CONVERGED), span).cost
+
     with pinned():
         for name in options.cases:
             began = perf_counter()
-            case = case_of(name, estimators)
-            planar = case if name == "planar" else planar
-            figures = measured(case, options.steps, options.converged)
+            loop, figures = measured(case(name), options.steps)
+            if options.converged:
+                figures["cost_over_converged"] = _until(loop, options.converged).cost / best(
+                    name, options.converged
+                )
             _line(report, name, figures | {"wall_s": perf_counter() - began})
         if not options.no_baselines:
-            planar = planar or case_of("planar", estimators)
-            report.section("baselines", "baselines, planar case; calls from Python")
+            report.section("baselines", "baselines; calls from Python")
             print("  " + _ROW.format(**_TITLES))
             span = options.converged or 2.0
-            best = planar.run(_full(planar.found, _CONVERGED), span).cost
             for name in BASELINES:
+                of = "spatial" if name.endswith("spatial") else "planar"
+                if of not in ("planar", *options.cases):
+                    continue
                 began = perf_counter()
-                figures = _baseline(planar, name, best, span)
+                loop = _baseline(case(of), case(of, _EXACT), name, span)
+                figures = _figures(case(of), loop, 1e3 * loop.seconds[1:])
+                figures["cost_over_converged"] = _until(loop, span).cost / best(of, span)
+                figures["span_s"] = loop.t[-1]
                 _line(report, name, figures | {"wall_s": perf_counter() - began})
         report.section("contract", "contract: random faults")
-        planar = planar or case_of("planar", estimators)
-        broken = contract_kept(planar.found, options.faults)
+        broken = contract_kept(case("planar").found, options.faults)
         report.line("{steps} steps, {broken} broken", steps=options.faults, broken=broken)
     if options.png:
         from .frontier import chart
@@ -175,21 +202,11 @@ def run(options: argparse.Namespace, report: Any, *, estimators: Estimators) -> 
         report.wrote(chart(estimators, options.png, report))
 
 
-def measured(case: Case, steps: int, converged_s: float) -> dict[str, Any]:
-    """The figures of a case; cost against the converged solution over its first seconds.
-
-    Args:
-        case: the case.
-        steps: of the controller that are timed.
-        converged_s: span over which the converged solution is run too [s]; zero: not at all.
-    """
+def measured(case: Case, steps: int) -> tuple[Loop, dict[str, Any]]:
+    """The loop of a case, and its figures; so many steps of the controller are timed."""
     loop = case.run(rti(case.found))
     ms = 1e3 * timed_steps(case.found, loop, steps)
-    figures = _figures(case, loop, ms)
-    if converged_s:
-        best = case.run(_full(case.found, _CONVERGED), converged_s).cost
-        figures["cost_over_converged"] = _until(loop, converged_s).cost / best
-    return figures
+    return loop, _figures(case, loop, ms)
 
 
 def timed_steps(
@@ -228,25 +245,20 @@ def _full(found: Experiment, solver: str, **options: Any) -> FullMPC:
     return FullMPC(Solver(transcribe(found.stages), solver, **options), found.plant.u0)
 
 
-def _baseline(case: Case, name: str, best: float, converged_s: float) -> dict[str, Any]:
-    """One baseline."""
-    found = case.found
-    s, u0 = found.stages, found.plant.u0
+def _baseline(case: Case, exact: Case, name: str, span: float) -> Loop:
+    """The loop of a baseline; `exact` is the case with the step of converged solutions."""
+    s, u0 = case.found.stages, case.found.plant.u0
     controller: Any = {
         "pi": lambda: PIControl(s, u0),
         "static": lambda: StaticControl(s, u0),
-        "rti_same_span": lambda: rti(found),
+        "rti_same_span": lambda: rti(case.found),
         # Stopped after a step, the solver leaves the gaps of its linear model.
         "sqpmethod_rti": lambda: FullMPC(
             Solver(transcribe(s), _CONVERGED, most=1), u0, accept=np.inf
         ),
-        "ipopt": lambda: _full(found, "ipopt"),
-    }[name]()
-    t_end = case.scene.t_end if name in _LONG else converged_s
-    loop = case.run(controller, t_end)
-    figures = _figures(case, loop, 1e3 * loop.seconds[1:], t_end)
-    figures["cost_over_converged"] = _until(loop, converged_s).cost / best
-    return figures | {"span_s": t_end}
+        "ipopt": lambda: _full(exact.found, "ipopt"),
+    }[name.removesuffix("_spatial")]()
+    return case.run(controller, case.scene.t_end if name in _LONG else span)
 
 
 def _until(loop: Loop, t_end: float) -> Loop:
@@ -260,8 +272,8 @@ def replace_span(loop: Loop, kept: np.ndarray) -> Loop:
     return replace(loop, **{name: getattr(loop, name)[kept] for name in names})
 
 
-def _figures(case: Case, loop: Loop, ms: np.ndarray, t_end: float | None = None) -> dict[str, Any]:
-    rests, moves = spans(control_of(case.scene).reference, t_end or case.scene.t_end)
+def _figures(case: Case, loop: Loop, ms: np.ndarray) -> dict[str, Any]:
+    rests, moves = spans(control_of(case.scene).reference, float(loop.t[-1]))
     length = case.found.length
     return {
         "median_ms": float(np.median(ms)),

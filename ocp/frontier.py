@@ -35,14 +35,20 @@ class Setting:
 
 
 SETTINGS = (
-    Setting("planar", "4 discs, N = 20, midpoint"),
+    Setting("planar", "4 discs, N = 20, ros2"),
+    Setting("planar", "N = 40", horizon=40),
     Setting("planar", "N = 10", horizon=10),
     Setting("planar", "N = 5", horizon=5),
-    Setting("planar", "ros2", method="ros2"),
+    Setting("planar", "midpoint", method="midpoint"),
+    Setting("planar", "ros1", method="ros1"),
     Setting("planar", "3 discs", discs=3),
+    Setting("planar", "6 discs", discs=6),
     Setting("planar", "1 iteration", iterations=1),
-    Setting("spatial", "4 discs, N = 20, midpoint"),
+    Setting("spatial", "4 discs, N = 20, ros2"),
     Setting("spatial", "N = 10", horizon=10),
+    Setting("spatial", "N = 5", horizon=5),
+    Setting("spatial", "midpoint", method="midpoint"),
+    Setting("spatial", "3 discs", discs=3),
 )
 
 

@@ -14,6 +14,7 @@ from dtcasadi.bound import Bound
 from dtcasadi.control import Control, KeepOut
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.errors import ControlError
+from dtcasadi.integrators import linearly_implicit
 from dtcasadi.model import Model
 from dtcasadi.profile import Profile
 from dtcasadi.scene import Scene
@@ -73,7 +74,9 @@ def model_of(scene: Scene, *, method: str | None = None) -> DiscreteModel:
     """
     choice = control_of(scene)
     model = scene.build(wrenches=loaded_disc(scene))
-    return model.discrete(choice.step_s, method=method or choice.method, sensors=scene.sensors)
+    method = method or choice.method
+    exact = not linearly_implicit(method)
+    return model.discrete(choice.step_s, method=method, exact=exact, sensors=scene.sensors)
 
 
 def robot_of(scene: Scene) -> DiscreteModel:
@@ -137,12 +140,10 @@ def experiment(
         seed=scene.estimation.seed if scene.estimation else None,
     )
     length = float(sum(thread.length for thread in scene.robot.threads))
-    return Experiment(
-        _rested(scene, discrete.model), stages(discrete, problem), plant, length, fine
-    )
+    return Experiment(rested(scene, discrete.model), stages(discrete, problem), plant, length, fine)
 
 
-def _rested(scene: Scene, model: Model) -> Scene:
+def rested(scene: Scene, model: Model) -> Scene:
     """The scene with its start where its own model rests, not the true robot: what filters know."""
     pressure = control_of(scene).reference(0.0)
     rest = equilibrium(model, pressure)

@@ -5,9 +5,9 @@ from linear_toy import LinearDiscrete
 from scipy.linalg import expm
 
 
-def cart(step_s: float = 0.1) -> LinearDiscrete:
+def cart(step_s: float = 0.1, spring: float = 2.0) -> LinearDiscrete:
     """Position and speed, a command and a constant load; sensors `place` and `both`."""
-    A = np.array([[0.0, 1.0], [-2.0, -0.3]])
+    A = np.array([[0.0, 1.0], [-spring, -0.3]])
     whole = np.zeros((4, 4))
     whole[:2] = np.hstack([A, [[0.0, 0.0], [1.0, 1.0]]])
     step = expm(whole * step_s)[:2]

@@ -37,7 +37,7 @@ def toy(name="planar", estimators=None, **changes):
     control = Control(0.1, 10, ("place",), asked)
     scene = SimpleNamespace(control=control, t_end=6.0, name="cart")
     found = Experiment(scene, posed, plant, 2.0, cart(0.05))
-    return bench.Case(name, scene, found, lambda: None)
+    return bench.Case(name, scene, found, None)
 
 
 @needs_compiler

@@ -5,7 +5,7 @@ from .package import Package
 from .problem import Method, Problem, Trajectory
 from .scipy_methods import Scipy
 from .step import OneStep
-from .steppers import ONE_STEP
+from .steppers import ONE_STEP, linearly_implicit
 from .sundials import Sundials
 from .symplectic import GAUSS2, GAUSS4
 
@@ -30,4 +30,5 @@ __all__ = [
     "Problem",
     "Scipy",
     "Trajectory",
+    "linearly_implicit",
 ]

@@ -9,7 +9,7 @@ from ..graphs import Graphs
 from ..jacobians import implicit_form
 from .collocation import MIDPOINT, RADAU3, RADAU5, SDIRK2
 from .explicit import Explicit
-from .rosenbrock import RODAS4, ROS1, ROS2, ROS3
+from .rosenbrock import RODAS4, ROS1, ROS2, ROS3, Rosenbrock
 from .step import At, OneStep, Plant, taken
 from .symplectic import GAUSS2, GAUSS4
 from .tableau import DOPRI5, EULER, HEUN, RK4, TSIT5
@@ -22,6 +22,14 @@ _ALL: tuple[OneStep, ...] = (
     Moreau(),
 )
 ONE_STEP = {method.name: method for method in _ALL}
+
+
+def linearly_implicit(name: str) -> bool:
+    """Whether a method is of Rosenbrock's kind.
+
+    The derivative of its step without second ones is as stable as the step, and far cheaper.
+    """
+    return isinstance(ONE_STEP.get(name), Rosenbrock)
 
 
 def plant_of(g: Graphs) -> Plant:
