@@ -32,8 +32,12 @@ class Explicit:
 
     def step(self, plant: Plant, at: At) -> Step:
         """x_next = x + h sum b_i k_i."""
-        slopes: list[ca.MX] = []
-        for i, share in enumerate(self.tableau.c):
+        return self.following(plant, at, plant.ode(at.x, at.u, at.theta))
+
+    def following(self, plant: Plant, at: At, rates: ca.MX) -> Step:
+        """The step where xdot at its start, the first stage, is known: `rates`."""
+        slopes = [rates]
+        for i, share in enumerate(self.tableau.c[1:], 1):
             state = self._stage(at, i, slopes)
             slopes.append(plant.ode(state, at.u + share * at.h * at.du, at.theta))
         return self._finished(at, slopes)

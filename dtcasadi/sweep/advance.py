@@ -8,9 +8,10 @@ from .. import functions
 from ..graphs import Graphs
 from ..health import NODES, WEIGHTS
 from ..integrators.dense import cubic, quintic, slopes
+from ..integrators.explicit import Explicit
 from ..integrators.package import SLACK_MAX
 from ..integrators.step import At, OneStep, Plant
-from ..integrators.steppers import plant_of, step_function
+from ..integrators.steppers import plant_of, step_function, symbols
 
 # Squares of states above this overflow soon; a state that is not finite fails the same comparison.
 _HUGE = 1e300
@@ -23,13 +24,14 @@ def advance_function(method: OneStep, g: Graphs, limited: Sequence[int]) -> ca.F
     as in `health`; peak is the largest of the angles in entries `limited` of x.
     """
     plant = plant_of(g)
-    n_x, n_u, n_theta = (plant.ode.size1_in(i) for i in range(3))
-    sizes = (n_x, n_u, n_u, 1, n_theta)
-    at = At(*(ca.MX.sym(name, n) for name, n in zip(At._fields, sizes, strict=True)))
-    rates = ca.MX.sym("rates", n_x)
-    x_next, _, slack = step_function(method, plant)(*at)
+    at = symbols(plant)
+    rates = plant.kind.sym("rates", *at.x.shape)
+    if isinstance(method, Explicit) and plant.projection is None:
+        x_next, slack = method.following(plant, at, rates).x_next, at.zeros(1)
+    else:
+        x_next, _, slack = step_function(method, plant)(*at)
     rates_next = plant.ode(x_next, at.u + at.h * at.du, at.theta)
-    power, work = functions.power(g), ca.MX(2, 1)
+    power, work = functions.power(g), at.zeros(2)
     ends = (at.x, rates), (x_next, rates_next)
     between = _between(plant, at.h, *ends)
     for node, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
@@ -41,7 +43,7 @@ def advance_function(method: OneStep, g: Graphs, limited: Sequence[int]) -> ca.F
         "rates_next": rates_next,
         "status": 1 - good,
         "work": work,
-        "peak": _largest([ca.fabs(x_next[k]) for k in limited]),
+        "peak": _largest([at.zeros(1), *(ca.fabs(x_next[k]) for k in limited)]),
     }
     return ca.Function(
         f"advance_{method.name}",
@@ -88,7 +90,7 @@ def repeated(advance: ca.Function, times: int) -> ca.Function:
 
 
 def _largest(values: list[ca.MX]) -> ca.MX:
-    result = values[0] if values else ca.MX(1, 1)
+    result = values[0]
     for value in values[1:]:
         result = ca.fmax(result, value)
     return result

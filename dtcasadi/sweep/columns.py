@@ -17,8 +17,8 @@ def outcomes(
     """Columns of some runs.
 
     Args:
-        seen: parts of the probe, shape (rows, instants, runs) each; after a failure the last good
-            state's.
+        seen: parts of the probe, shape (rows, instants, runs) each, the last instant alone of those
+            that only count at the end; after a failure the last good state's.
         work: supplied and dissipated [J] at the instants of `kinetic`, shape (instants, runs).
         save: quantities to save and how.
     """

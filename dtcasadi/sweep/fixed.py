@@ -34,6 +34,7 @@ class Fixed:
         self.ode: Batch = batch(model)
         self.probe = probe_of(model, [name for name, _ in save])
         self.look = batch(self.probe.function)
+        self.followed = self.probe.followed(save)
         kinds = watched(model)
         self.limited = kinds[kinds[:, 1] == Watched.LIMITED, 0].tolist()
         self.singular = [
@@ -72,8 +73,10 @@ class _Flock:
         self.reason = np.array(rows.faults, dtype=object)
         self.t_stop = np.where(self.reason == "", engine.setup.scene.t_end, 0.0)
         self.work = np.zeros((2, self.x.shape[1]))
-        self.seen: list[np.ndarray] = []
-        self.done: list[np.ndarray] = []
+        instants, runs = len(engine.kept), self.x.shape[1]
+        self.seen = np.empty((len(engine.followed.rows), instants, runs))
+        self.done = np.empty((2, instants, runs))
+        self.looks = 0
 
     def run(self) -> dict[str, np.ndarray]:
         """To the end, or each to where it fails."""
@@ -160,15 +163,18 @@ class _Flock:
         self.reason[k], self.t_stop[k] = f"{method}: the step {what} after t = {t:.6g} s", t
 
     def _look(self, u: np.ndarray) -> None:
-        self.seen.append(self.engine.look(self.x, u, self.theta))
-        self.done.append(self.work.copy())
+        self.last = self.engine.look(self.x, u, self.theta)
+        np.take(self.last, self.engine.followed.rows, axis=0, out=self.seen[:, self.looks])
+        self.done[:, self.looks] = self.work
+        self.looks += 1
 
     def _columns(self) -> dict[str, np.ndarray]:
         engine = self.engine
-        seen = engine.probe.split(np.array(self.seen).swapaxes(0, 1))
-        supplied, dissipated = np.array(self.done).swapaxes(0, 1)
+        seen = engine.probe.split(self.last[:, np.newaxis])
+        seen |= {name: self.seen[rows] for name, rows in engine.followed.parts.items()}
+        work = {"supplied": self.done[0], "dissipated": self.done[1]}
         with np.errstate(all="ignore"):
-            columns = outcomes(seen, {"supplied": supplied, "dissipated": dissipated}, engine.save)
+            columns = outcomes(seen, work, engine.save)
         if engine.setup.model.options.velocity_terms == "full":
             shares = columns["energy_imbalance"]
             for k in np.flatnonzero((self.reason == "") & ~(shares <= IMBALANCE_MAX)):

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,8 @@ QUANTITIES = {
 }
 REDUCED = ("final", "min", "max", "path")
 _SAVE = re.compile(rf"({'|'.join(QUANTITIES)})(?:\.({'|'.join(REDUCED)}))?")
+# Of these every instant counts; of the others the last one, unless `save` says otherwise.
+FOLLOWED = ("kinetic", "potential", "stored", "cos_tilt", "strain")
 _ALWAYS = ("kinetic", "potential", "stored", "tip", "tip_rotation", "cos_tilt", "strain")
 
 
@@ -55,6 +58,25 @@ class Probe:
     def split(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Stacked values, rows first, by part."""
         return {name: values[rows] for name, rows in self.parts.items()}
+
+    def followed(self, save: Sequence[tuple[str, str]]) -> "Followed":
+        """The rows that matter at every instant, for quantities saved as `save` says."""
+        names = [*FOLLOWED, *(f"save_{name}" for name, how in save if how != "final")]
+        rows = {name: np.arange(*self.parts[name].indices(10**9)) for name in names}
+        return Followed(np.concatenate(list(rows.values())), places_of(rows))
+
+
+class Followed(NamedTuple):
+    """Rows of a probe's values, and where each part is among them."""
+
+    rows: np.ndarray
+    parts: dict[str, slice]
+
+
+def places_of(parts: Mapping[str, Any]) -> dict[str, slice]:
+    """Where each part begins and ends when all are stacked."""
+    ends = np.cumsum([0, *(np.size(part) for part in parts.values())]).tolist()
+    return {name: slice(*ends[k : k + 2]) for k, name in enumerate(parts)}
 
 
 def probe_of(model: Model, quantities: Sequence[str]) -> Probe:
@@ -91,8 +113,7 @@ def probe_of(model: Model, quantities: Sequence[str]) -> Probe:
     values["air"] = model.plain("air")(x, u, theta)[0]
     parts = {name: values[name] for name in _ALWAYS}
     parts |= {f"save_{name}": more[name]() for name in quantities if name != "tip"}
-    ends = np.cumsum([0, *(part.numel() for part in parts.values())])
-    places = {name: slice(*ends[k : k + 2].tolist()) for k, name in enumerate(parts)}
+    places = places_of({name: np.zeros(part.numel()) for name, part in parts.items()})
     if "tip" in quantities:
         places["save_tip"] = places["tip"]
     stacked = ca.vertcat(*(ca.densify(ca.vec(part)) for part in parts.values()))
