@@ -4,6 +4,7 @@ import numpy as np
 
 import dtcasadi as dtc
 from dtcasadi.advise.lab import Lab
+from dtcasadi.integrators.auto import LARGE as AUTO_LARGE
 from dtcasadi.scene import parse_scene
 
 TUBE = """\
@@ -51,7 +52,11 @@ def tube(**fields) -> dtc.Scene:
 
 def tip_path(scene: dtc.Scene, times: np.ndarray, **settings) -> np.ndarray:
     """Where the centre of the last section goes, (instants, 3), by `simulate` alone."""
-    run = dtc.simulate(scene, **settings)
+    model = scene.build()
+    if model.n_q > AUTO_LARGE:
+        model.interpreted.add("ode_jacobian")  # compiling it would take longer than the run
+    x0, pressure = scene.x0(model), scene.pressure if model.n_u else None
+    run = dtc.simulate(model, x0, pressure=pressure, t_end=scene.t_end, **settings)
     assert run.success, run.message
     R, r = run.at(times).poses()
     return r[:, -1] + R[:, -1] @ scene.robot.discs[-1].centre_of_mass

@@ -131,7 +131,7 @@ def made(name: str, **outputs: Callable[[ca.SX, ca.SX, ca.SX], ca.SX]) -> tuple[
     values = [ca.densify(ca.SX(f(x, h, u))) for f in outputs.values()]
     ports = ["x", "u", "du", "h", "theta"]
     step = ca.Function(name, [x, u, du, h, theta], values, ports, list(outputs))
-    native = build_loop(step, step)
+    native = build_loop(step, lambda: step)
     assert native.library is not None
     return native, Loop(step, None)
 

@@ -152,7 +152,7 @@ def advise(
         reference = reference_of(lab, tolerance)
         if not np.all(np.isfinite(reference.points)):
             raise AdviseError(f"scene: expected one whose finest model runs, got: {reference.note}")
-        search = Search(lab, reference, tolerance, {})
+        search = Search(lab, reference, tolerance)
         best = search.run()
     measured = sorted(search.measured.values(), key=lambda found: (found.cost, found.error))
     return Advice(scene, tolerance, quantity, best, tuple(measured), reference)

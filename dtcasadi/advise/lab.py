@@ -14,10 +14,11 @@ from ..errors import DtcasadiError
 from ..integrators import ONE_STEP, Method, Package, Problem
 from ..integrators.stability import stability_limit
 from ..integrators.steppers import plant_of, step_function
-from ..model import Model
+from ..model import FLAT_UP_TO, Model
 from ..profile import Piece
 from ..scene import Scene
 from ..statics import Equilibrium, equilibrium
+from .aside import out_of_plane
 from .candidate import STATICS, Candidate
 
 QUANTITIES = ("tip", "shape", "pressure-response")
@@ -35,13 +36,15 @@ class Path(NamedTuple):
     """What a candidate did.
 
     points: (instants, points, 3) [m], at equal material arc length; failure: why it did not, or
-    nothing; cost: instructions, or infinity; wall_time: of the run alone [s].
+    nothing; cost: instructions, or infinity; wall_time: of the run alone [s]; aside: how far each
+    segment leaves the plane in which it is at rest [m, at the tip].
     """
 
     points: np.ndarray
     failure: str
     cost: float
     wall_time: float
+    aside: np.ndarray = np.zeros(0)
 
 
 class Measured(NamedTuple):
@@ -69,7 +72,7 @@ class Lab:
     quantity: str
     tolerance: float
     tick: Callable[[str], object] = lambda text: None
-    _models: dict[tuple[Candidate, bool], tuple[Scene, Model]] = field(default_factory=dict)
+    _models: dict[tuple[Candidate, str], tuple[Scene, Model]] = field(default_factory=dict)
     _paths: dict[tuple[Candidate, float], Path] = field(default_factory=dict)
 
     @property
@@ -84,14 +87,25 @@ class Lab:
 
     def model(self, candidate: Candidate) -> tuple[Scene, Model]:
         """A candidate's scene and model."""
-        # Of what is run once, a graph of calls compiles sooner than it runs slower.
-        once = candidate.step_s is None and candidate.chart != "planar"
-        key = candidate.physics, once
+        # A graph of calls compiles sooner than the few runs here get slower.
+        return self._model(candidate, "graph")
+
+    def _model(self, candidate: Candidate, assembly: str) -> tuple[Scene, Model]:
+        if candidate.n_discs > FLAT_UP_TO:
+            assembly = "graph"  # as `auto` chooses
+        key = candidate.physics, assembly
         if key not in self._models:
             scene = candidate.physics.scene(self.scene)
-            options = {"assembly": "graph"} if once else {}
-            self._models[key] = scene, scene.build(**options)
+            self._models[key] = scene, scene.build(assembly=assembly)
         return self._models[key]
+
+    def cost(self, candidate: Candidate, name: str) -> int:
+        """Instructions of a Function of a candidate's model, as its scene is built."""
+        return operations(self._model(candidate, "auto")[1].plain(name))
+
+    def step_cost(self, candidate: Candidate) -> int:
+        """Instructions of one step of a candidate's method, likewise."""
+        return step_cost(self._model(candidate, "auto")[1], candidate.method)
 
     @property
     def rtol(self) -> float:
@@ -114,9 +128,9 @@ class Lab:
     def _run(self, candidate: Candidate, tighter: float) -> Path:
         scene, model = self.model(candidate)
         if self.quantity == "pressure-response":
-            return self._response(scene, model)
+            return self._response(scene, model, candidate)
         if not candidate.dynamic:
-            return self._statics(scene, model)
+            return self._statics(scene, model, candidate)
         return self._motion(scene, model, candidate, self.rtol * tighter)
 
     def _motion(self, scene: Scene, model: Model, candidate: Candidate, rtol: float) -> Path:
@@ -124,7 +138,7 @@ class Lab:
         cost = 0.0
         if candidate.step_s is not None:
             method = Package(ONE_STEP[candidate.method], fixed=True)
-            cost = float(step_cost(model, candidate.method))
+            cost = float(self.step_cost(candidate))
         pieces = self._pieces(scene, model)
         start_at = (model, scene.x0(model), model.theta0, pieces, rtol, ATOL * rtol)
         problem = Problem(*start_at, step_s=candidate.step_s)
@@ -136,17 +150,20 @@ class Lab:
             return Path(np.full((1, 1, 3), np.nan), trajectory.failure, np.inf, seconds)
         x, thetas = trajectory.at(self.times)
         if candidate.step_s is None:
-            cost = float(operations(model.function("ode")) * trajectory.evaluations)
+            cost = float(self.cost(candidate, "ode") * trajectory.evaluations)
         else:
             cost *= len(trajectory.t) - 1
-        return Path(self._points(scene, model, x[: model.n_q], thetas), "", cost, seconds)
+        points, aside = self._seen(scene, model, x[: model.n_q], thetas)
+        return Path(points, "", cost, seconds, aside)
 
     def fewest_steps(self, candidate: Candidate) -> int:
         """Of the scene's duration that an explicit method survives at its start, without a run."""
         method = ONE_STEP[candidate.method]
         if method.a_stable:
             return 1
-        scene, model = self.model(candidate.physics)
+        # One Jacobian is not worth a compilation.
+        scene, model = self._model(candidate, "graph")
+        model.interpreted.add("ode_jacobian")
         problem = Problem(model, scene.x0(model), model.theta0, self._pieces(scene, model), 1, 1)
         limit = stability_limit(problem, method)
         return math.ceil(scene.t_end / limit * (1 + 1e-9)) if limit < np.inf else 1
@@ -163,17 +180,19 @@ class Lab:
         )
         return tuple(piece for piece in pieces if isinstance(piece, Piece))
 
-    def _statics(self, scene: Scene, model: Model) -> Path:
+    def _statics(self, scene: Scene, model: Model, candidate: Candidate) -> Path:
         """At rest at every instant, each equilibrium next to the one before."""
         pressures = scene.pressure.sample(self.times)
-        return self._rests(scene, model, pressures)
+        return self._rests(scene, model, candidate, pressures)
 
-    def _response(self, scene: Scene, model: Model) -> Path:
+    def _response(self, scene: Scene, model: Model, candidate: Candidate) -> Path:
         """Equilibria along the line from no pressure to the profile's largest in each chamber."""
         most = scene.pressure.values[np.argmax(np.abs(scene.pressure.values).sum(axis=1))]
-        return self._rests(scene, model, np.outer(most, np.linspace(0.0, 1.0, LEVELS)))
+        return self._rests(scene, model, candidate, np.outer(most, np.linspace(0.0, 1.0, LEVELS)))
 
-    def _rests(self, scene: Scene, model: Model, pressures: np.ndarray) -> Path:
+    def _rests(
+        self, scene: Scene, model: Model, candidate: Candidate, pressures: np.ndarray
+    ) -> Path:
         found: Equilibrium | None = None
         q, thetas, evaluations, start = [], [], 0, time.perf_counter()
         for column in pressures.T:
@@ -186,25 +205,28 @@ class Lab:
             q.append(found.q)
             thetas.append(found.theta)
         seconds = time.perf_counter() - start
-        cost = float(evaluations * operations(model.function("inverse_dynamics_jacobian")))
-        points = self._points(scene, model, np.array(q).T, np.array(thetas).T)
-        return Path(points, "", cost, seconds)
+        cost = float(evaluations * self.cost(candidate, "inverse_dynamics_jacobian"))
+        points, aside = self._seen(scene, model, np.array(q).T, np.array(thetas).T)
+        return Path(points, "", cost, seconds, aside)
 
-    def _points(self, scene: Scene, model: Model, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
-        """Section centres at equal arc lengths, or the last one alone, (instants, points, 3)."""
+    def _seen(
+        self, scene: Scene, model: Model, q: np.ndarray, thetas: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Section centres at equal arc lengths, or the last one alone; and `Path.aside`."""
         n, m = model.n_discs, q.shape[1]
         R, r = (np.array(part) for part in model.poses.map(m)(q, thetas))
         R = R.reshape(3, m, n, 3).transpose(1, 2, 0, 3)
         r = r.reshape(3, m, n).transpose(1, 2, 0)
         centres = np.array([disc.centre_of_mass for disc in scene.robot.discs])
         curve = r + np.einsum("mnij,nj->mni", R, centres)
+        aside = out_of_plane(scene.robot, R, r)
         if self.quantity != "shape":
-            return curve[:, -1:]
+            return curve[:, -1:], aside
         along = np.cumsum([0.0, *(thread.length for thread in scene.robot.threads)])
         at = np.linspace(0.0, along[-1], POINTS)
         k = np.clip(np.searchsorted(along, at, side="right") - 1, 0, n - 2)
         share = ((at - along[k]) / np.diff(along)[k])[:, np.newaxis]
-        return (1 - share) * curve[:, k] + share * curve[:, k + 1]
+        return (1 - share) * curve[:, k] + share * curve[:, k + 1], aside
 
 
 def step_cost(model: Model, method: str) -> int:

@@ -29,6 +29,8 @@ _COLOURS = {
     "rodas4": VERMILION,
     "auto": GREY,
 }
+# Of the tolerance: models closer than this to the reference, such as its own, are not shown.
+LEAST = 1e-3
 _NAMES = {STATICS: "at rest at each instant", "auto": "rodas4, adaptive"}
 
 
@@ -42,14 +44,15 @@ def picture(advice: Advice, path: Path) -> Path:
     """
     figure = new_figure(WIDTH_IN, 0.5 * WIDTH_IN, layout="constrained")
     axes = figure.add_subplot()
-    shown = [m for m in advice.candidates if np.isfinite(m.error) and np.isfinite(m.cost)]
+    least = LEAST * advice.tolerance
+    shown = [m for m in advice.candidates if least < m.error < np.inf and m.cost < np.inf]
     sizes = sorted({found.candidate.n_discs for found in shown})
     for method, colour in _COLOURS.items():
         mine = [found for found in shown if found.candidate.method == method]
         if not mine:
             continue
         full = [m.candidate.velocity_terms == "full" or method == STATICS for m in mine]
-        points = np.array([(max(found.cost, 1.0), max(found.error, 1e-9)) for found in mine])
+        points = np.array([(max(found.cost, 1.0), found.error) for found in mine])
         faces = [colour if is_full else "white" for is_full in full]
         area = [20 + 60 * sizes.index(m.candidate.n_discs) / max(len(sizes) - 1, 1) for m in mine]
         axes.scatter(

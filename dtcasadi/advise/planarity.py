@@ -41,7 +41,8 @@ class Planarity:
                 "motion stays in the y-z plane: robot, loads and start are symmetric about it, and "
                 f"out-of-plane accelerations vanish at {STATES} random planar states (largest "
                 f"share {self.largest:.1e}). A payload or a load beside the plane, another "
-                "pressure on one side, or a start out of it would break that"
+                "pressure on one side, or a start out of it would break that. A model in space "
+                "moves alike and costs more: none is run"
             )
         return f"motion leaves the y-z plane: {'; '.join(self.breaks)}"
 

@@ -30,6 +30,7 @@ class Reference:
         converged: whether that is small beside the tolerance.
         planarity: whether the scene stays in a plane.
         sizes: numbers of discs to try, ascending, the finest last.
+        cuts: those of them that have been run for it, ascending.
         note: how it was checked, a sentence.
     """
 
@@ -40,6 +41,7 @@ class Reference:
     converged: bool
     planarity: Planarity
     sizes: tuple[int, ...]
+    cuts: tuple[int, ...]
     note: str
 
     def error(self, points: np.ndarray) -> float:
@@ -68,27 +70,34 @@ def reference_of(lab: Lab, tolerance: float) -> Reference:
     if scene.beam is None:
         return _given_discs(lab, base, found, tolerance)
     parts = max(scene.beam.chambers, 1) if isinstance(scene.beam, Tube) else 1
-    finest = parts
+    finest = 4 * parts  # the coarsest cut has a segment for each part
     while finest < FINEST:
         finest *= 2
-    return _beam(lab, base, found, tolerance, parts, finest)
+    return _beam(lab, base, found, tolerance, parts, finest, ())
 
 
 def _beam(
-    lab: Lab, base: Candidate, found: Planarity, tolerance: float, parts: int, finest: int
+    lab: Lab,
+    base: Candidate,
+    found: Planarity,
+    tolerance: float,
+    parts: int,
+    finest: int,
+    known: tuple[int, ...],
 ) -> Reference:
     cuts = [replace(base, n_discs=finest // k + 1) for k in (4, 2, 1)]
+    known = tuple(sorted({*known, *(cut.n_discs for cut in cuts)}))
     points = [lab.path(cut).points for cut in cuts]
     bad = next((lab.path(cut).failure for cut in cuts if lab.path(cut).failure), "")
+    sizes = tuple(sorted({*known, *(m + 1 for m in _segments(parts, finest))}))
     if bad:
-        sizes = tuple(m + 1 for m in _segments(parts, finest))
-        return Reference(cuts[-1], points[-1], lab.length, np.inf, False, found, sizes, bad)
+        return Reference(cuts[-1], points[-1], lab.length, np.inf, False, found, sizes, known, bad)
     coarse, best = (b + (b - a) / 3 for a, b in zip(points, points[1:], strict=False))
     scale = range_of(best, lab.length)
     steps = distance(points[0], lab.path(cuts[0], _TIGHTER).points)
     uncertainty = (distance(coarse, best) + steps) / scale
     if uncertainty > SHARE * tolerance and 2 * finest <= MOST:
-        return _beam(lab, base, found, tolerance, parts, 2 * finest)
+        return _beam(lab, base, found, tolerance, parts, 2 * finest, known)
     first, second = (distance(a, b) for a, b in zip(points, points[1:], strict=False))
     order = np.log2(first / second) if first > 0 and second > 0 else np.nan
     note = (
@@ -96,8 +105,7 @@ def _beam(
         f"{order:.2f}; off by {uncertainty:.1e} as far as that tells"
     )
     converged = bool(uncertainty <= SHARE * tolerance)
-    sizes = tuple(m + 1 for m in _segments(parts, finest))
-    return Reference(cuts[-1], best, scale, uncertainty, converged, found, sizes, note)
+    return Reference(cuts[-1], best, scale, uncertainty, converged, found, sizes, known, note)
 
 
 def _given_discs(lab: Lab, base: Candidate, found: Planarity, tolerance: float) -> Reference:
@@ -105,12 +113,12 @@ def _given_discs(lab: Lab, base: Candidate, found: Planarity, tolerance: float) 
     sizes = (base.n_discs,)
     if loose.failure or tight.failure:
         why = loose.failure or tight.failure
-        return Reference(base, tight.points, lab.length, np.inf, False, found, sizes, why)
+        return Reference(base, tight.points, lab.length, np.inf, False, found, sizes, sizes, why)
     scale = range_of(tight.points, lab.length)
     uncertainty = distance(loose.points, tight.points) / scale
     note = f"the discs as given; tighter integration changes it by {uncertainty:.1e}"
     converged = bool(uncertainty <= SHARE * tolerance)
-    return Reference(base, tight.points, scale, uncertainty, converged, found, sizes, note)
+    return Reference(base, tight.points, scale, uncertainty, converged, found, sizes, sizes, note)
 
 
 def _segments(parts: int, finest: int) -> list[int]:

@@ -5,6 +5,7 @@ with k the order of the error estimate plus one and err its root mean square ove
 """
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -133,12 +134,12 @@ class Work:
         return self._t, self._x
 
 
-def build_loop(step: ca.Function, fallback: ca.Function) -> Loop:
-    """Compile the loop around a step; without a compiler, its twin around `fallback`."""
+def build_loop(step: ca.Function, fallback: Callable[[], ca.Function]) -> Loop:
+    """Compile the loop around a step; without a compiler, its twin around another, built then."""
     source = (files("dtcasadi") / "native" / "adaptive.c").read_text(encoding="utf-8")
     n_x, n_u = step.size1_in("x"), step.size1_in("u")
     library = load_library({"STEP": step}, source, {"N": n_x, "NU": n_u})
-    return Loop(fallback if library is None else step, library)
+    return Loop(fallback() if library is None else step, library)
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -4,11 +4,13 @@ import math
 from dataclasses import dataclass
 from threading import get_ident
 
+import casadi as ca
 import numpy as np
 
 from ..bound import Bound
 from ..errors import SimulationError
 from ..events import Passed, guards_of
+from ..graphs import Graphs
 from ..model import Model
 from ..profile import Piece
 from ..recentring import LIMIT, NEAR, chart_limit, guard_indices, off_centre, singular_angles
@@ -65,10 +67,13 @@ class Package:
         """The compiled loop of this method for a model, built once."""
 
         def build() -> Loop:
+            def step(g: Graphs) -> ca.Function:
+                return step_function(self.method, plant_of(g))
+
+            native, plain = model.graphs
             if self.method.a_stable and "ode_jacobian" in model.interpreted:
-                return Loop(step_function(self.method, plant_of(model.graphs[1])), None)
-            step, fallback = (step_function(self.method, plant_of(g)) for g in model.graphs)
-            return build_loop(step, fallback)
+                return Loop(step(plain), None)
+            return build_loop(step(native), lambda: step(plain))
 
         return model.once(("loop", self.name), build)
 
