@@ -13,7 +13,7 @@ from .actuation import observed
 from .errors import ModelError
 from .graphs import OPTIONS, Graphs
 from .integrators.step import At, Plant, first_order
-from .integrators.steppers import plant_of
+from .integrators.steppers import plant_in
 from .sampled import Sampled, Seen
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def _biases(
 
 def plants_of(model: Model) -> tuple[Plant, Plant]:
     """The model's graphs in the forms steps are built from: with C kernels, and without."""
-    return model.once("plants", lambda: tuple(plant_of(g) for g in model.graphs))
+    return plant_in(model, native=True), plant_in(model, native=False)
 
 
 def sensor_of(model: Model, sensors: Sequence[Sampled], layout: Layout) -> Sensor:

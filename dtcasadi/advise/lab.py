@@ -13,7 +13,7 @@ from ..commands import command_pieces
 from ..errors import DtcasadiError
 from ..integrators import ONE_STEP, Method, Package, Problem
 from ..integrators.stability import stability_limit
-from ..integrators.steppers import plant_of, step_function
+from ..integrators.steppers import plant_in, step_function
 from ..model import FLAT_UP_TO, Model
 from ..profile import Piece
 from ..scene import Scene
@@ -233,7 +233,7 @@ def step_cost(model: Model, method: str) -> int:
     """Instructions of one step of a method."""
 
     def count() -> int:
-        return operations(step_function(ONE_STEP[method], plant_of(model.graphs[1])))
+        return operations(step_function(ONE_STEP[method], plant_in(model, native=False)))
 
     return model.once(("step cost", method), count)
 

@@ -26,6 +26,9 @@ FEWEST_STEPS, FINEST_STEPS = 8, 40_000
 _HOPE = 1.5
 # Share of the tolerance up to which a number of discs leaves room for the integrator's error.
 _ROOMY = 0.6
+# Where planar segments would keep the tip from going further aside than this share of the
+# tolerance, nothing else can make up for it.
+_FAR = 5.0
 # Segments of the cut on which omissions are priced.
 _COARSE = 4
 # Coordinates up to which every method is tried once, to be shown.
@@ -75,7 +78,7 @@ class Search:
         fitting = self._fitting()
         if self.lab.quantity != "pressure-response":
             self._at_rest()
-            omissions = sorted(self._omissions(), key=lambda one: one.effect)
+            omissions = sorted(self._omissions(), key=_rank)
             for candidate in fitting:
                 chosen = self._affordable(candidate, omissions)
                 if not self._hopeless(_without(candidate, chosen)):
@@ -173,7 +176,11 @@ class Search:
         aside = self.lab.path(self._coarse).aside
         if self._base.chart != "cardan" or np.any(scene.q0) or np.any(scene.qd0):
             return
-        for k in range(len(list(flatter(aside, len(aside))))):
+        for k, chart in enumerate(flatter(aside, len(aside))):
+            names = [chart] * len(aside) if isinstance(chart, str) else chart
+            lost = sum(way for way, name in zip(aside, names, strict=True) if name == "planar")
+            if lost > _FAR * self.tolerance * self.reference.scale:
+                continue
 
             def apply(c: Candidate, k: int = k) -> Candidate:
                 return replace(c, chart=list(flatter(aside, c.n_discs - 1))[k])
@@ -184,7 +191,7 @@ class Search:
                 return
 
     def _affordable(self, base: Candidate, omissions: list[Omission]) -> list[Omission]:
-        """What the error budget allows to leave out, the one with least effect first."""
+        """What the error budget allows to leave out, in order."""
         spent = self.measure(base).error
         chosen: list[Omission] = []
         for one in omissions:
@@ -247,6 +254,11 @@ class Search:
         for one in omissions:
             if one not in applied and one.effect <= _HOPE * self.tolerance:
                 self.measure(one.apply(winner))
+
+
+def _rank(one: Omission) -> tuple[bool, float]:
+    """Least effect first; charts last, the flattest first, as they were made."""
+    return one.kind == "chart", 0.0 if one.kind == "chart" else one.effect
 
 
 def _without(

@@ -10,7 +10,6 @@ import numpy as np
 from ..bound import Bound
 from ..errors import SimulationError
 from ..events import Passed, guards_of
-from ..graphs import Graphs
 from ..model import Model
 from ..profile import Piece
 from ..recentring import LIMIT, NEAR, chart_limit, guard_indices, off_centre, singular_angles
@@ -20,7 +19,7 @@ from .problem import Problem, Trajectory
 from .recorder import Recorder, Sink, segment_of
 from .stability import stability_limit
 from .step import OneStep
-from .steppers import plant_of, step_function
+from .steppers import plant_in, step_function
 
 # Steps per call of the compiled loop: the progress bar and Ctrl-C wait no longer than this.
 CHUNK = 4096
@@ -67,13 +66,12 @@ class Package:
         """The compiled loop of this method for a model, built once."""
 
         def build() -> Loop:
-            def step(g: Graphs) -> ca.Function:
-                return step_function(self.method, plant_of(g))
+            def step(native: bool) -> ca.Function:
+                return step_function(self.method, plant_in(model, native=native))
 
-            native, plain = model.graphs
             if self.method.a_stable and "ode_jacobian" in model.interpreted:
-                return Loop(step(plain), None)
-            return build_loop(step(native), lambda: step(plain))
+                return Loop(step(False), None)
+            return build_loop(step(True), lambda: step(False))
 
         return model.once(("loop", self.name), build)
 

@@ -7,6 +7,7 @@ from ..constraints.system import projection
 from ..contact.stepping import Moreau, for_contact, rims_of
 from ..graphs import Graphs
 from ..jacobians import implicit_form
+from ..model import Model
 from .collocation import MIDPOINT, RADAU3, RADAU5, SDIRK2
 from .explicit import Explicit
 from .rosenbrock import RODAS4, ROS1, ROS2, ROS3, Rosenbrock
@@ -45,6 +46,13 @@ def plant_of(g: Graphs) -> Plant:
         native=g.native,
         kind=ca.SX if g.inlined else ca.MX,
     )
+
+
+def plant_in(model: Model, *, native: bool) -> Plant:
+    """The plant of a model's graphs, with C kernels or without, built once for all methods."""
+    native_graphs, plain = model.graphs
+    g = native_graphs if native else plain
+    return model.once(("plant", native), lambda: plant_of(g))
 
 
 def suited(method: OneStep, plant: Plant) -> Plant:
