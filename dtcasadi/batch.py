@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
@@ -208,32 +209,34 @@ class _Lanes:
 
     def __init__(self, library: ctypes.CDLL, symbol: str, rows_out: Sequence[int]):
         self._run = library[f"{symbol}_batch"]
-        pointers = [ctypes.c_void_p] * 4
-        self._run.argtypes = [ctypes.c_size_t, *pointers, ctypes.c_void_p, ctypes.c_size_t]
+        pointers = [ctypes.c_void_p] * 5
+        self._run.argtypes = [ctypes.c_size_t, *pointers, ctypes.c_size_t]
         size = library[f"{symbol}_batch_bytes"]
         size.restype = ctypes.c_size_t
         self._bytes = size()
         self.lanes = library[f"{symbol}_batch_lanes"]()
-        self._rows_out = tuple(rows_out)
+        self._ends = list(accumulate(rows_out, initial=0))
         self._local = threading.local()
 
     def __call__(self, arrays: Sequence[np.ndarray], n: int) -> list[np.ndarray]:
         given = [_rows_contiguous(array, n) for array in arrays]
-        results = [np.empty((rows, n)) for rows in self._rows_out]
+        block = np.empty((self._ends[-1], n))
         if not hasattr(self._local, "work"):
             self._local.work = np.empty(self._bytes, dtype=np.uint8)
+            self._local.at = _address(self._local.work)
+        first, row = _address(block), n * block.itemsize
+        # Tables of ctypes' own: NumPy's take as long to make as some robots do.
         tables = (
-            _addresses([array for array, _ in given]),
-            np.array([ld for _, ld in given], dtype=np.uintp),
-            _addresses(results),
-            np.full(len(results), n, dtype=np.uintp),
+            [_address(array) for array, _ in given],
+            [ld for _, ld in given],
+            [first + row * start for start in self._ends[:-1]],
+            [n] * (len(self._ends) - 1),
         )
-        code = self._run(
-            n, *(table.ctypes.data for table in tables), self._local.work.ctypes.data, self._bytes
-        )
+        sizes = [(ctypes.c_size_t * len(table))(*table) for table in tables]
+        code = self._run(n, *sizes, self._local.at, self._bytes)
         if code == _FAILED:
             raise ModelError("evaluation failed, casadi returned an error code")
-        return results
+        return [block[start:stop] for start, stop in pairwise(self._ends)]
 
 
 def _rows_contiguous(array: np.ndarray, n: int) -> tuple[np.ndarray, int]:
@@ -248,9 +251,9 @@ def _rows_contiguous(array: np.ndarray, n: int) -> tuple[np.ndarray, int]:
     return array, apart // step
 
 
-def _addresses(arrays: Sequence[np.ndarray]) -> np.ndarray:
+def _address(array: np.ndarray) -> int:
     # A fifth of the time that `array.ctypes.data` takes.
-    return np.array([a.__array_interface__["data"][0] for a in arrays], dtype=np.uintp)
+    return int(array.__array_interface__["data"][0])
 
 
 class _Mapped:

@@ -109,9 +109,10 @@ class DiscreteModel:
         self, x: np.ndarray, theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """State and parameters about new centres, and the map T of a covariance; see `Model`."""
-        own, biases = np.split(np.asarray(theta, dtype=float), [self._layout.n_model])
-        x, own, T = self._model.recentre(x, own)
-        return x, np.concatenate([own, biases]), T
+        n = self._layout.n_model
+        given = np.asarray(theta, dtype=float)[:n]
+        x, own, T = self._model.recentre(x, given)
+        return x, theta if own is given else np.concatenate([own, theta[n:]]), T
 
     def carried(
         self, x: np.ndarray, theta: np.ndarray, to: np.ndarray

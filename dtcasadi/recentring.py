@@ -91,8 +91,10 @@ def off_centre(model: Model, x: np.ndarray) -> tuple[int, ...]:
 
     An angle that is not finite is not off centre.
     """
-    angles = np.abs(np.asarray(x, dtype=float)[guard_indices(model)]).reshape(-1, 2)
-    off = np.any((angles > LIMIT) & np.isfinite(angles), axis=1)
+    angles = np.abs(np.asarray(x, dtype=float)[guard_indices(model)])
+    if not (angles > LIMIT).any():  # what all steps but a few end with
+        return ()
+    off = np.any(((angles > LIMIT) & np.isfinite(angles)).reshape(-1, 2), axis=1)
     return tuple(place.segment for place, is_off in zip(model.centres, off, strict=True) if is_off)
 
 

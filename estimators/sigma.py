@@ -1,4 +1,4 @@
-"""Sigma points and what they say of a function of them: the unscented transform as a square root.
+"""Sigma points: the unscented transform as a square root.
 
 With points at distance h from the mean along the columns of a root of P, let d be half the
 difference and s half the sum, less the centre, of the two images of a column. The scaled unscented
@@ -8,28 +8,25 @@ transform is then
     cov  = sum (d d^T + s s^T) / h^2 + (2 - alpha^2) delta delta^T
 
 (from Simon, Optimal State Estimation, section 14.3, with beta = 2, by putting the weights in). No
-term is negative, so a root of it comes from one QR factorization (van der Merwe and Wan, ICASSP
-2001, need a downdate there).
+term is negative, so the covariance is a sum of squares (van der Merwe and Wan, ICASSP 2001, need a
+downdate there): `estimators.clouds`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-
-_BETA = 2.0  # of a Gaussian distribution
-
-
-class Cloud(NamedTuple):
-    """The image of sigma points: mean, shape (n,), and a transposed root, shape (m, n)."""
-
-    mean: np.ndarray
-    root: np.ndarray
+from scipy.linalg.lapack import dpotrf
 
 
 def root_of(P: np.ndarray) -> np.ndarray:
-    """Columns L with L L^T = P, shape (n, rank); none for entries known exactly."""
+    """Columns L with L L^T = P, shape (n, m), one for each entry that is not known exactly.
+
+    At least one, of zeros where all is known; more of them where P is semidefinite.
+    """
+    # LAPACK itself: NumPy's way to it takes longer than a factorization of this size.
+    whole, failed = dpotrf(P, lower=1, clean=1)
+    if not failed:
+        return np.asarray(whole)
     known = np.diag(P) <= 0
     block = P[np.ix_(~known, ~known)]
     try:
@@ -37,37 +34,19 @@ def root_of(P: np.ndarray) -> np.ndarray:
     except np.linalg.LinAlgError:  # semidefinite
         values, vectors = np.linalg.eigh(block)
         least = len(values) * np.finfo(float).eps * max(values.max(initial=0.0), 0.0)
-        kept = values > least
-        part = vectors[:, kept] * np.sqrt(values[kept])
-    root = np.zeros((len(P), part.shape[1]))
-    root[~known] = part
+        part = vectors * np.sqrt(np.where(values > least, values, 0.0))
+    root = np.zeros((len(P), max(len(part), 1)))
+    root[~known, : len(part)] = part
     return root
 
 
-def spread_out(centre: np.ndarray, root: np.ndarray, distance: float) -> np.ndarray:
+def spread_out(centre: np.ndarray, root: np.ndarray, distance: float | np.ndarray) -> np.ndarray:
     """The centre, then each column added, then each taken away, shape (n, 1 + 2 m)."""
-    steps = distance * root
-    middle = centre[:, np.newaxis]
-    return np.hstack([middle, middle + steps, middle - steps])
-
-
-def gathered(images: np.ndarray, distance: float) -> Cloud:
-    """Mean and root of the images of sigma points, shape (n, 1 + 2 m).
-
-    The first m rows of the root are the differences, one for each column of the root of P.
-    """
-    m = images.shape[1] // 2
-    centre, plus, minus = images[:, :1], images[:, 1 : m + 1], images[:, m + 1 :]
-    differences, sums = (plus - minus) / 2, (plus + minus) / 2 - centre
-    delta = np.sum(sums, axis=1) / distance**2
-    left = max(_BETA - min(distance**2 / max(m, 1), 1.0), 0.0)
-    rows = np.vstack([differences.T / distance, sums.T / distance, np.sqrt(left) * delta])
-    return Cloud(centre[:, 0] + delta, rows)
-
-
-def triangle(rows: np.ndarray) -> np.ndarray:
-    """Upper triangular U with U^T U = rows^T rows, shape (n, n)."""
-    n = rows.shape[1]
-    if len(rows) < n:
-        rows = np.vstack([rows, np.zeros((n - len(rows), n))])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    n, m = root.shape
+    points = np.empty((n, 1 + 2 * m))
+    ahead, middle = points[:, 1 : m + 1], centre[:, np.newaxis]
+    points[:, 0] = centre
+    np.multiply(root, distance, out=ahead)
+    np.subtract(middle, ahead, out=points[:, m + 1 :])
+    ahead += middle
+    return points

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.stats import chi2
 
 from dtcasadi import checks
 from dtcasadi.batch import batch
+from dtcasadi.bound import Bound
 from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by, start_of
 from .base import Estimate, ProcessNoise, chance, names_of, refusal
-from .sigma import gathered, root_of, spread_out, triangle
+from .clouds import reading_cloud, step_cloud
+from .sigma import root_of, spread_out
+from .steps import limits_of
 
 Many = Callable[..., Any]
 
@@ -26,10 +28,10 @@ class UKF:
 
     Takes the motion and the sensors as they are, through 2 m + 1 points round the estimate that all
     go through the step at once (`dtcasadi.batch`), m the numbers that are not known exactly and the
-    forces that process noise acts through. Covariances are products of roots from QR
-    factorizations, so they stay positive (`estimators.sigma`; Simon, Optimal State Estimation,
-    section 14.3; van der Merwe and Wan, ICASSP 2001). Verbs and arguments are those of `EKF`; no
-    derivatives are needed.
+    forces that process noise acts through. Covariances are sums of squares of roots, so they stay
+    positive; Joseph's form in the coordinates of the root of P costs a tenth of a QR factorization
+    of all points (`estimators.clouds`; Simon, Optimal State Estimation, section 14.3). Verbs and
+    arguments are those of `EKF`; no derivatives are needed.
 
     Attributes:
         discrete: the model.
@@ -73,14 +75,16 @@ class UKF:
         self.names = layout.names
         self.start = start_of(discrete, layout, x0, P0, theta)
         self._gate = chance(gate)
-        self._distance = checks.number("distance", distance, positive=True, error=refusal)
+        distance = checks.number("distance", distance, positive=True, error=refusal)
+        self._distance = np.array([distance])
         Q, noise = noise_of(discrete, layout, augment, Q_w)
-        self._noise_root = root_of(Q).T
+        self._Q = Q
         self._push, pushed = pushed_by(discrete, noise)
         self._pushed = np.array(pushed, dtype=int)
         self._many, self._free = many, np.array(layout.free, dtype=int)
         self._step = many(discrete.step, native=discrete.native("step"))
-        self._outputs: dict[tuple[str, ...], tuple[Many, np.ndarray]] = {}
+        self._clouds: dict[int, Bound] = {}
+        self._readings: dict[tuple[str, ...], _Reading] = {}
 
     def predict(self, est: Estimate, u: Sequence[float] | np.ndarray) -> Estimate:
         """The estimate a step later, under the command u; re-centred where a coordinate asks.
@@ -90,27 +94,30 @@ class UKF:
         Raises:
             ModelError: an array of a wrong shape.
         """
-        n, root = self._layout.n_x, root_of(est.P)
-        whole = np.zeros((len(root) + len(self._push), root.shape[1] + len(self._push)))
-        whole[: len(root), : root.shape[1]] = root
-        whole[len(root) :, root.shape[1] :] = np.diag(self._push)
-        centre = np.concatenate([self._packed(est), np.zeros(len(self._push))])
-        points = spread_out(centre, whole, self._distance)
+        n, root, push = self._layout.n_x, root_of(est.P), self._push
+        centre = self._packed(est)
+        if len(push):
+            whole = np.zeros((len(root) + len(push), root.shape[1] + len(push)))
+            whole[: len(root), : root.shape[1]] = root
+            whole[len(root) :, root.shape[1] :] = np.diag(push)
+            root, centre = whole, np.concatenate([centre, np.zeros(len(push))])
+        points = spread_out(centre, root, self._distance)
         theta = self._thetas(est, points)
-        if len(self._push):
-            theta[self._pushed] += points[len(root) :]
-        x_next, status = self._step(points[:n], np.asarray(u, dtype=float), theta)
-        if np.any(status) or not np.all(np.isfinite(x_next)):
+        if len(push):
+            theta[self._pushed] += points[self._layout.n_z :]
+        images, status = self._step(points[:n], np.asarray(u, dtype=float), theta)
+        if self._layout.n_z > n:
+            images = np.vstack([images, points[n : self._layout.n_z]])
+        mean, P = self._cloud(root)(images.T, self._distance, self._Q)
+        if status.any() or not math.isfinite(P.sum()):
             return est.failing("predict: the step did not converge to finite states")
-        cloud = gathered(np.vstack([x_next, points[n : len(root)]]), self._distance)
-        U = triangle(np.vstack([cloud.root, self._noise_root]))
-        x, theta, T = self.discrete.recentre(cloud.mean[:n], est.theta)
+        x, theta, T = self.discrete.recentre(mean[:n], est.theta)
         moved = theta is not est.theta and not np.array_equal(theta, est.theta)
         if moved:
-            U[:, :n] = U[:, :n] @ T.T
-        return est.replaced(
-            x=x, P=U.T @ U, theta=theta, failure="", recentred=est.recentred + int(moved)
-        )
+            P[:n] = T @ P[:n]
+            P[:, :n] = P[:, :n] @ T.T
+            P = (P + P.T) / 2
+        return est.replaced(x=x, P=P, theta=theta, failure="", recentred=est.recentred + int(moved))
 
     def update(
         self,
@@ -126,52 +133,73 @@ class UKF:
             EstimationError: readings of a wrong shape.
         """
         names = names_of(sensor)
-        output, R_root = self._sensor(names)
+        reading = self._sensor(names)
+        R = reading.R
         y = np.asarray(y, dtype=float)
-        if y.shape != (len(R_root),):
-            raise refusal("y", f"shape ({len(R_root)},)", y.shape)
+        if y.shape != (len(R),):
+            raise refusal("y", f"shape ({len(R)},)", y.shape)
         kept = np.isfinite(y)
-        used, skipped = int(kept.sum()), est.skipped + int((~kept).sum())
+        used = np.count_nonzero(kept)
+        skipped = est.skipped + len(y) - used
         if not used:
             return est.replaced(skipped=skipped, nis=0.0, used=0, believed=True, failure="")
-        root = root_of(est.P)
-        points = spread_out(self._packed(est), root, self._distance)
-        seen = output(points[: len(est.x)], np.asarray(u, dtype=float), self._thetas(est, points))
-        cloud = gathered(seen[kept], self._distance)
-        if not np.all(np.isfinite(cloud.root)):
+        root, z = root_of(est.P), self._packed(est)
+        points = spread_out(z, root, self._distance)
+        given = (points[: len(est.x)], np.asarray(u, dtype=float), self._thetas(est, points))
+        seen = reading.many(*given)
+        if used < len(y):  # as if read without noise of its own, by one that tells nothing
+            seen[~kept], y = 0.0, np.where(kept, y, 0.0)
+            R = np.where(np.outer(kept, kept), R, np.eye(len(y)))
+        m = root.shape[1]
+        if m not in reading.clouds:
+            reading.clouds[m] = reading_cloud(len(root), m, len(y))
+        change, P, (nis,) = reading.clouds[m](seen.T, self._distance, root, y, R)
+        if not math.isfinite(P.sum() + nis):
             failure = f"update with {'+'.join(names)}: the result is not finite"
             return est.failing(failure, skipped=skipped, used=used)
-        # Rows: of the readings beside of z, whose own deviations are the columns of the root.
-        m = root.shape[1]
-        rest = np.zeros((len(cloud.root) - m + len(R_root), len(root)))
-        rows = np.hstack([np.vstack([cloud.root, R_root.T[:, kept]]), np.vstack([root.T, rest])])
-        U = triangle(rows)
-        U_y, U_yz, U_z = U[:used, :used], U[:used, used:], U[used:, used:]
-        e = solve_triangular(U_y, y[kept] - cloud.mean, trans="T")
-        counts = {"nis": float(e @ e), "used": used, "skipped": skipped, "failure": ""}
-        if self._gate is not None and counts["nis"] > chi2.isf(self._gate, used):
+        counts = {"nis": float(nis), "used": used, "skipped": skipped, "failure": ""}
+        if not nis <= reading.limits[used]:
             return est.replaced(gated=est.gated + 1, believed=False, **counts)
-        z = self._packed(est) + U_yz.T @ e
-        theta = est.theta.copy()
-        theta[self._free] = z[len(est.x) :]
-        return est.replaced(x=z[: len(est.x)], P=U_z.T @ U_z, theta=theta, believed=True, **counts)
+        z, theta = z + change, est.theta
+        if len(self._free):
+            theta = est.theta.copy()
+            theta[self._free] = z[len(est.x) :]
+        return est.replaced(x=z[: len(est.x)], P=P, theta=theta, believed=True, **counts)
 
     def _packed(self, est: Estimate) -> np.ndarray:
-        return np.concatenate([est.x, est.theta[self._free]])
+        return np.concatenate([est.x, est.theta[self._free]]) if len(self._free) else est.x
 
     def _thetas(self, est: Estimate, points: np.ndarray) -> np.ndarray:
-        """Theta of every point."""
+        """Theta of every point, or of all where it is the same."""
+        if not len(self._free) and not len(self._pushed):
+            return est.theta
         theta = np.repeat(est.theta[:, np.newaxis], points.shape[1], axis=1)
         n = self._layout.n_x
         theta[self._free] = points[n : n + len(self._free)]
         return theta
 
-    def _sensor(self, names: tuple[str, ...]) -> tuple[Many, np.ndarray]:
-        """The readings of many points, and the root of their noise."""
-        if names not in self._outputs:
+    def _cloud(self, root: np.ndarray) -> Bound:
+        """What gathers the images of points along a root with as many columns."""
+        m = root.shape[1]
+        if m not in self._clouds:
+            self._clouds[m] = step_cloud(self._layout.n_z, m)
+        return self._clouds[m]
+
+    def _sensor(self, names: tuple[str, ...]) -> _Reading:
+        if names not in self._readings:
             sensor = self.discrete.together(names)
-            self._outputs[names] = (self._many(sensor.output), np.linalg.cholesky(sensor.R_v))
-        return self._outputs[names]
+            R, limits = np.array(sensor.R_v), limits_of(self._gate, sensor.n_y)
+            self._readings[names] = _Reading(self._many(sensor.output), R, limits, {})
+        return self._readings[names]
+
+
+class _Reading(NamedTuple):
+    """Readings of many points, their noise, largest nis by number, update by columns of a root."""
+
+    many: Many
+    R: np.ndarray
+    limits: np.ndarray
+    clouds: dict[int, Bound]
 
 
 def serial(function: ca.Function, *, native: ca.Function | None = None) -> Many:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from c_compilers import needs_compiler
 from hanging import Still, hanging
 from kalman import N_U, N, covariance, toy_plant
 from linear_toy import LinearDiscrete
@@ -62,7 +63,7 @@ class Squares:
         return lsq_linear(A, b, sides, method="bvls", tol=1e-14).x.reshape(k, n)
 
 
-@pytest.mark.parametrize("machine", ["compiled", "virtual"])
+@pytest.mark.parametrize("machine", [pytest.param("compiled", marks=needs_compiler), "virtual"])
 def test_within_bounds_it_is_the_least_squares_path(toy, rng, machine, monkeypatch):
     if machine == "virtual":
         for module in ("ekf", "mhe", "bounds"):
@@ -70,6 +71,7 @@ def test_within_bounds_it_is_the_least_squares_path(toy, rng, machine, monkeypat
     Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
     known = {"x0": x0, "P0": P0, "Q_w": Q, "augment": ("mass",)}
     mhe, ekf = MHE(toy, bounds=BOUNDS, window=12, **known), EKF(toy, **known)
+    assert mhe._stage.function.is_a("External") == (machine == "compiled")
     est, free = mhe.start, ekf.start
     squares = Squares(toy, np.r_[x0, toy.theta0[2:]], P0, Q)
     lower, upper = np.full(N + 2, -np.inf), np.full(N + 2, np.inf)

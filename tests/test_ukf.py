@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from c_compilers import needs_compiler
 from hanging import Still, hanging
 from kalman import N_U, N, covariance, toy_plant
 from linear_toy import LinearDiscrete
 
 from dtcasadi.errors import EstimationError
 from estimators import UKF, ProcessNoise
-from estimators.sigma import gathered, root_of, spread_out, triangle
+from estimators.clouds import reading_cloud, step_cloud
+from estimators.sigma import root_of, spread_out
 from estimators.ukf import serial
 
 pytestmark = [
@@ -22,9 +24,12 @@ def toy() -> LinearDiscrete:
     return toy_plant()
 
 
-def test_the_transform_is_the_weighted_sums_of_the_textbook(rng):
-    """Mean and covariance with the scaled weights, of points through a curved function."""
-    n, h = 4, 1.3
+@pytest.mark.parametrize("machine", [pytest.param("compiled", marks=needs_compiler), "virtual"])
+def test_the_transform_is_the_weighted_sums_of_the_textbook(rng, machine, monkeypatch):
+    """Mean, covariance and update with the scaled weights, of points through a curved function."""
+    if machine == "virtual":
+        monkeypatch.setattr("estimators.clouds.twin", lambda plain, source: plain)
+    n, h, Q, R = 4, 1.3, covariance(rng, 4), covariance(rng, 4)
     root, centre = np.linalg.cholesky(covariance(rng, n)), rng.normal(size=n)
     points = spread_out(centre, root, h)
     images = np.vstack([np.sin(points[:2]), points[2:] ** 2 * points[0]])
@@ -34,25 +39,35 @@ def test_the_transform_is_the_weighted_sums_of_the_textbook(rng):
     w_cov[0] = w_mean[0] + 1 - alpha2 + 2
     mean = images @ w_mean
     off = images - mean[:, None]
-    cloud = gathered(images, h)
-    np.testing.assert_allclose(cloud.mean, mean, rtol=0, atol=1e-12)
-    U = triangle(cloud.root)
-    np.testing.assert_allclose(U.T @ U, (off * w_cov) @ off.T, rtol=0, atol=1e-12)
+    spread = (off * w_cov) @ off.T
+    clouds = step_cloud(n, n), reading_cloud(n, n, 4)
+    assert all(each.function.is_a("External") == (machine == "compiled") for each in clouds)
+    found = clouds[0](images.T, h, Q)
+    np.testing.assert_allclose(found.mean, mean, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.P, spread + Q, rtol=0, atol=1e-12)
+    cross, y = ((points - centre[:, None]) * w_cov) @ off.T, rng.normal(size=4)
+    K, e = cross @ np.linalg.inv(spread + R), y - mean
+    found = clouds[1](images.T, h, root, y, R)
+    np.testing.assert_allclose(found.change, K @ e, rtol=0, atol=1e-12)
+    P = root @ root.T - K @ (spread + R) @ K.T
+    np.testing.assert_allclose(found.P, P, rtol=0, atol=1e-12)
+    assert found.nis[0] == pytest.approx(e @ np.linalg.inv(spread + R) @ e, rel=1e-10)
 
 
 def test_a_root_of_a_semidefinite_covariance():
     L = np.array([[1.0, 0, 0], [2, 1, 0], [0, 0, 0], [1, -1, 0]])
     root = root_of(L @ L.T)
     np.testing.assert_allclose(root @ root.T, L @ L.T, rtol=0, atol=1e-14)
-    assert root.shape == (4, 2) and root_of(np.zeros((3, 3))).shape == (3, 0)
+    assert root.shape == (4, 3) and np.sum(np.any(root, axis=0)) == 2
+    np.testing.assert_array_equal(root_of(np.zeros((3, 3))), np.zeros((3, 1)))
 
 
 def test_a_square_bends_the_mean():
-    """E[x^2] = m^2 + P and var = 4 m^2 P + 2 P^2 of a Gaussian number, exactly."""
+    """E[x^2] = m^2 + P of a Gaussian number, exactly."""
     m, P = 0.7, 0.3
     points = spread_out(np.array([m]), np.sqrt([[P]]), 3**0.5)
-    cloud = gathered(points**2, 3**0.5)
-    assert cloud.mean[0] == pytest.approx(m**2 + P, rel=1e-14)
+    found = step_cloud(1, 1)((points**2).T, 3**0.5, np.zeros((1, 1)))
+    assert found.mean[0] == pytest.approx(m**2 + P, rel=1e-14)
 
 
 @pytest.mark.parametrize("chart", ["planar", pytest.param("cardan", marks=pytest.mark.slow)])
