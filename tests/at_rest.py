@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ import dtcasadi as dtc
 from dtcasadi.discrete import DiscreteModel
 from dtcasadi.presets import seed_four_disc
 from dtcasadi.sensors import IMU, Marker, PressureSensor
-from estimators import EKF, SPV, ProcessNoise, operating_points
+from estimators import EKF, MHE, SPV, UKF, ProcessNoise, operating_points
 
 STEP, U = 0.01, np.array([5.0])
 
@@ -28,14 +29,17 @@ def planar() -> DiscreteModel:
 
 
 @cache
-def filters() -> dict[str, EKF | SPV]:
-    """Both filters, at rest under the pressure U and exactly there."""
+def filters() -> dict[str, Any]:
+    """Every filter, at rest under the pressure U and exactly there."""
     discrete = planar()
     points = operating_points(discrete.model, [4.0], [6.0], n=3)
     n, x0 = discrete.model.n_q, points.x[0, 1]
     noise = ProcessNoise(state=np.r_[np.zeros(n), np.full(n, 0.1)])
+    known: dict[str, Any] = {"x0": x0, "P0": np.full(2 * n, 1e-4), "Q_w": noise, "gate": 1e-6}
     return {
-        "ekf": EKF(discrete, x0=x0, P0=np.full(2 * n, 1e-4), Q_w=noise, gate=1e-6),
+        "ekf": EKF(discrete, **known),
+        "ukf": UKF(discrete, **known),
+        "mhe": MHE(discrete, **known),
         "spv": SPV(discrete, points, x0=x0, Q_w=noise, gauge="air", gate=1e-6),
     }
 

@@ -50,27 +50,32 @@ def truth_of(chart: str, t_end: float, push: tuple[float, ...]) -> Truth:
     return moved(changed(chart, contact_force=np.array(push)), t_end)
 
 
-def run(chart: str, t_end: float, push: Sequence[float], **changes: Any) -> tuple[Result, Any]:
-    """What the filter makes of a tentacle pushed so, and its tip errors."""
+def run(
+    chart: str, t_end: float, push: Sequence[float], name: str = "ekf", **changes: Any
+) -> tuple[Result, Any]:
+    """What a filter makes of a tentacle pushed so, and its tip errors."""
     scene, truth = changed(chart, **changes), truth_of(chart, t_end, tuple(push))
-    discrete, ekf = discrete_in(chart), ESTIMATORS["ekf"]
-    found = ekf.run(ekf.build(scene, discrete), recorded(scene, truth))
-    result = result_of(ekf.title, Tip.of(scene), discrete, found)
+    discrete, choice = discrete_in(chart), ESTIMATORS[name]
+    found = choice.run(choice.build(scene, discrete), recorded(scene, truth))
+    result = result_of(choice.title, Tip.of(scene), discrete, found)
     return result, tip_errors(result, Tip.of(scene), truth)
 
 
 @pytest.mark.parametrize(
-    ("chart", "settled", "window"),
+    ("name", "chart", "settled", "window"),
     [
         # Far sooner than asked for: what the sensors see is known at once.
-        ("planar", 1.0, 0.25),
-        pytest.param("planar", SETTLED, WINDOW, marks=pytest.mark.slow),
-        pytest.param("cardan", SETTLED, WINDOW, marks=pytest.mark.slow),
+        ("ekf", "planar", 1.0, 0.25),
+        *(
+            pytest.param(name, chart, SETTLED, WINDOW, marks=pytest.mark.slow)
+            for name in ("ekf", "ukf", "mhe", "smoother")
+            for chart in ("planar", "cardan")
+        ),
     ],
 )
-def test_it_finds_the_pose_from_far_off(chart, settled, window):
-    result, error = run(chart, settled + window, QUIET, offset=0.3, angle_sigma=0.3)
-    _, steady = run(chart, settled + window, QUIET, offset=0.0)
+def test_it_finds_the_pose_from_far_off(name, chart, settled, window):
+    result, error = run(chart, settled + window, QUIET, name, offset=0.3, angle_sigma=0.3)
+    _, steady = run(chart, settled + window, QUIET, name, offset=0.0)
     late = result.track.t >= settled
     rms = [float(np.sqrt(np.mean(e[late] ** 2))) for e in (error, steady)]
     assert error[0] > 0.2 and rms[0] <= 2 * rms[1] < 0.004

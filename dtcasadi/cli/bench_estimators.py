@@ -105,17 +105,19 @@ def _drawn(table: dict[str, Any], path: Path) -> Path:
         )
         for axes, (key, factor, label) in zip(panels, kinds, strict=True):
             values = [factor * row[key] for row in table.values()]
-            for (name, row), color in zip(table.items(), LINES, strict=False):
-                axes.plot(row["us_per_step"], factor * row[key], "o", color=color)
+            for (name, row), color, mark in zip(table.items(), LINES, "osDv^", strict=False):
                 place = (row["us_per_step"], factor * row[key])
-                axes.annotate(name, place, (6, 4), textcoords="offset points", color=color)
+                axes.plot(*place, mark, color=color, label=name, ls="", alpha=0.8)
             times = [row["us_per_step"] for row in table.values()]
             axes.set_xscale("log")
-            axes.set_xlim(min(times) / 2, 5 * max(times))
+            axes.set_xlim(min(times) / 2, 2 * max(times))
             axes.set_ylim(0, 1.3 * max(values))
             axes.set_xlabel("time of a step [us]")
             axes.set_ylabel(label)
             axes.grid(alpha=0.3)
+        # Beside the dots names would overlap where two estimators cost the same.
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
         finished(figure, path)
 
     draw()

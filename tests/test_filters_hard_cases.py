@@ -1,4 +1,4 @@
-"""Hard cases of both: re-centring, outlier bursts, gaps, a dead chip, an hour at rest."""
+"""Hard cases of every filter: re-centring, outlier bursts, gaps, a dead chip, an hour at rest."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ import dtcasadi as dtc
 from dtcasadi.presets import seed_four_disc
 from dtcasadi.robot import Damping
 from dtcasadi.sensors import Marker
-from estimators import EKF, ProcessNoise
+from estimators import EKF, MHE, UKF, ProcessNoise
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +31,25 @@ def two_discs():
     return model.discrete(STEP, method="ros2", exact=False, sensors=sensors)
 
 
-def test_it_goes_on_when_the_coordinates_are_recentred(two_discs):
+@pytest.mark.parametrize(
+    "kind",
+    [EKF, pytest.param(UKF, marks=pytest.mark.slow), pytest.param(MHE, marks=pytest.mark.slow)],
+)
+def test_it_goes_on_when_the_coordinates_are_recentred(two_discs, kind):
     n = two_discs.model.n_q
     noise = ProcessNoise(state=np.r_[np.zeros(n), np.full(n, 0.1)])
-    ekf = EKF(two_discs, x0=np.zeros(2 * n), P0=np.full(2 * n, 0.01), Q_w=noise)
-    step, rng, est = two_discs.compiled("step"), np.random.default_rng(0), ekf.start
+    made = kind(two_discs, x0=np.zeros(2 * n), P0=np.full(2 * n, 0.01), Q_w=noise)
+    step, rng, est = two_discs.compiled("step"), np.random.default_rng(0), made.start
     x, theta, u = np.r_[0.1 * np.ones(n), np.zeros(n)], two_discs.theta0, np.array([25.0])
     poses, moved = two_discs.model.poses, 0
     for _ in range(600):
         for name, sensor in two_discs.sensors.items():
             y = sensor.output(x, u, theta).full()[:, 0] + 0.01 * rng.normal(size=3)
-            est = ekf.update(est, y, name, u)
+            est = made.update(est, y, name, u)
         x = step(x, u, theta)[0]
         x, theta, T = two_discs.recentre(x, theta)
         moved += not np.array_equal(T, np.eye(2 * n))
-        est = ekf.predict(est, u)
+        est = made.predict(est, u)
         assert not est.failure
         np.linalg.cholesky(est.P)
     assert moved >= 1 and est.recentred >= 1
@@ -54,10 +58,16 @@ def test_it_goes_on_when_the_coordinates_are_recentred(two_discs):
         np.testing.assert_allclose(np.array(mine), np.array(true), atol=0.02)
 
 
-@pytest.mark.parametrize("name", ["ekf", "spv"])
-@pytest.mark.parametrize("steps", [400, pytest.param(360_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [
+        *((name, 400) for name in ("ekf", "spv", "ukf", "mhe")),
+        *(pytest.param(name, 360_000, marks=pytest.mark.slow) for name in ("ekf", "spv")),
+        *(pytest.param(name, 36_000, marks=pytest.mark.slow) for name in ("ukf", "mhe")),
+    ],
+)
 def test_a_robot_at_rest_stays_where_it_is_through_faults(name, steps):
-    """The long one is an hour; with gaps, outlier bursts and a chip that dies half way."""
+    """An hour, or a tenth of it; with gaps, outlier bursts and a chip that dies half way."""
     made = filters()[name]
     x, n = made.start.x, planar().model.n_q
     est, worst, readings = made.start, 0.0, Readings(x, steps)
