@@ -11,7 +11,7 @@ from linear_toy import LinearDiscrete
 from scipy.optimize import least_squares, lsq_linear
 
 from dtcasadi.errors import EstimationError
-from estimators import EKF, MHE
+from estimators import EKF, MHE, ProcessNoise
 from estimators.mhe import MovingEstimate
 
 pytestmark = pytest.mark.filterwarnings("ignore::dtcasadi.compile.NoCompilerWarning")
@@ -93,6 +93,30 @@ def test_within_bounds_it_is_the_least_squares_path(toy, rng, machine, monkeypat
         left += np.any(z < lower) or np.any(z > upper)
         held = max(held, est.active)
     assert left >= 3 and held >= 5
+
+
+def test_a_force_that_can_only_push_is_found_nearer_the_truth(rng):
+    """None acts; the filter without bounds believes in one that pulls half of the time."""
+    discrete = hanging("planar")
+    n, u, theta = len(discrete.state_names), np.zeros(0), discrete.theta0
+    noise = ProcessNoise(state=1e-3, walk={"wrench": [0, 20, 0, 0, 0, 0]})
+    known = {"P0": np.r_[np.full(n, 1e-4), 0, 4, np.zeros(4)], "augment": ("wrench",)}
+    known |= {"x0": np.zeros(n), "Q_w": noise}
+    mhe, ekf = MHE(discrete, bounds={"wrench[2]": (0.0, np.inf)}, **known), EKF(discrete, **known)
+    x, est, free, pairs = np.zeros(n), mhe.start, ekf.start, []
+    step, output = discrete.compiled("step"), discrete.sensors["tip"].output
+    force = discrete.theta_blocks["wrench"].start + 1
+    for _ in range(80):
+        x = step(x, u, theta)[0]
+        y = np.array(output(x, u, theta)).ravel() + 0.01 * rng.normal(size=3)
+        est, free = (f.update(f.predict(e, u), y, "tip", u) for f, e in ((mhe, est), (ekf, free)))
+        assert not est.failure and est.residual < 1e-8
+        # A path of forces: from multipliers, exact to round-off of values of order 1.
+        assert est.theta[force] >= 0 and est.window.z[:, n + 1].min() >= -1e-9
+        pairs.append((est.theta[force], free.theta[force]))
+    bounded, unbounded = np.array(pairs).T
+    assert unbounded.min() < -0.1
+    assert np.sqrt(np.mean(bounded**2)) < np.sqrt(np.mean(unbounded**2))
 
 
 def test_what_is_known_exactly_stays_known_within_bounds(toy, rng):
