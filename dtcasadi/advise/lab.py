@@ -18,6 +18,7 @@ from ..model import FLAT_UP_TO, Model
 from ..profile import Piece
 from ..scene import Scene
 from ..statics import Equilibrium, equilibrium
+from ..statics.search import search_of
 from .aside import out_of_plane
 from .candidate import STATICS, Candidate
 
@@ -193,6 +194,7 @@ class Lab:
     def _rests(
         self, scene: Scene, model: Model, candidate: Candidate, pressures: np.ndarray
     ) -> Path:
+        search_of(model)  # compiles, which is no part of a run
         found: Equilibrium | None = None
         q, thetas, evaluations, start = [], [], 0, time.perf_counter()
         for column in pressures.T:
