@@ -62,17 +62,12 @@ def tip_path(scene: dtc.Scene, times: np.ndarray, **settings) -> np.ndarray:
     return r[:, -1] + R[:, -1] @ scene.robot.discs[-1].centre_of_mass
 
 
-def true_error(advice: dtc.Advice, finer: int | None = None, **settings) -> float:
-    """Of the advised model, against one cut `finer` segments fine (None: as it is) in space.
-
-    The truth is `simulate`'s alone: another loop, another number of discs and, where the adviser
-    found the motion planar, another chart.
-    """
+def true_error(advice: dtc.Advice, **settings) -> float:
+    """Of the advised model, against the scene's own discs by `simulate` alone."""
     assert advice.best is not None and advice.quantity == "tip"
     lab = Lab(advice.given, "tip", advice.tolerance)
     found = lab.path(advice.best.candidate).points[:, 0]
-    fine = advice.given if finer is None else advice.given.rediscretised(finer + 1)
-    truth = tip_path(fine, lab.times, **settings)
+    truth = tip_path(advice.given, lab.times, **settings)
     return distance_over_range(found, truth, lab.length)
 
 

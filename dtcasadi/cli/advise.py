@@ -58,7 +58,9 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
 
         report.wrote(picture(advice, png))
     if advice.best is None:
-        print("\nno candidate keeps the tolerance")
+        known = advice.reference.uncertainty
+        why = "" if advice.reference.converged else f": the reference itself is off by {known:.1g}"
+        print(f"\nno candidate keeps the tolerance{why}")
         report.list_files()
         return FAILED
     if small:
