@@ -4,6 +4,7 @@ from pathlib import Path
 
 import air
 import contact
+import control
 import estimation
 import identification
 import inflation
@@ -27,4 +28,5 @@ if __name__ == "__main__":
     air.draw(FOLDER / "air.png")
     estimation.draw(FOLDER / "estimation.png")
     contact.draw(FOLDER / "contact.png")
+    control.draw(FOLDER / "control.png")
     print(f"drawn into {FOLDER}: {run.message}")
