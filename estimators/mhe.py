@@ -23,6 +23,9 @@ from .steps import Setting
 from .window import Passed, Window, backwards, stationarity
 
 WINDOW = 20
+_MOST_NOISE = 1e30
+# Share of a reading's variance that linearizing may leave out without a second look.
+_SMALL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,7 @@ class MHE:
         gate: float | None = None,
         window: int = WINDOW,
         iterations: int = 1,
+        caution: int = 0,
         bounds: Mapping[str, Any] | None = None,
         theta: np.ndarray | None = None,
     ):
@@ -104,6 +108,9 @@ class MHE:
             gate: chance that a good measurement is refused as an outlier; None: all are believed.
             window: number of steps between the window's ends.
             iterations: Gauss-Newton steps at each measurement.
+            caution: how often a Gauss-Newton step is done again with the noise of every reading in
+                the window raised by the square of what its linearization left out, as in `EKF`;
+                where that is below a tenth of the noise nothing is done again.
             bounds: name of a state, of an entry (`wrench[2]`) or of a block of theta -> (lower,
                 upper), each one number or one for each entry; infinite: none.
             theta: parameters, shape (n_theta,); default: the model's own.
@@ -120,11 +127,13 @@ class MHE:
         self._free = np.array(layout.free, dtype=int)
         self._steps = checks.index("window", window, 1, 1000, error=refusal)
         self._iterations = checks.index("iterations", iterations, 1, 20, error=refusal)
+        self._caution = checks.index("caution", caution, 0, 20, error=refusal)
         self._bounded = Bounded(limits_on(discrete, layout, bounds or {}), self._steps + 1)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
         setting = Setting(discrete, layout.free, Q, *pushed_by(discrete, noise))
         sensors = discrete.together(tuple(discrete.sensors))
         self._R = np.array(sensors.R_v)
+        self._output = Bound(twin(sensors.output)) if self._caution else None
         pair = stage(setting, sensors)
         self._stage = Bound(twin(pair.plain, source=pair.native), matrices=_MATRICES)
         ends = np.cumsum([0, *(s.n_y for s in discrete.sensors.values())])
@@ -150,7 +159,8 @@ class MHE:
         window = found.window
         if len(window) > self._steps:
             m, P, u_first = window.mean - window.z[0], window.P, window.u[0]
-            first = self._at(window, 0, m, P, u_first, found.theta)
+            none = np.zeros(window.y.shape[1])
+            first = self._at(window, 0, m, P, u_first, found.theta, none)
             if first.status[0] != 0 or not _finite(first.follow, first.P_next):
                 return _own(found.replaced(window=self._fresh(found), active=0))
             window = window.later(first.follow, first.P_next)
@@ -198,7 +208,7 @@ class MHE:
 
     def _improved(self, window: Window, theta: np.ndarray) -> _Step | str:
         """A Gauss-Newton step on a window, or why there is none."""
-        passed = self._passed(window, theta)
+        passed = self._cautious(window, theta)
         if isinstance(passed, str):
             return passed
         free = backwards(passed)
@@ -210,13 +220,42 @@ class MHE:
         residual = max(kept.worst, stationarity(passed, free))
         return _Step(window.z + kept.d, passed.P_d[-1], kept.active, residual)
 
-    def _passed(self, window: Window, theta: np.ndarray) -> Passed | str:
+    def _cautious(self, window: Window, theta: np.ndarray) -> Passed | str:
+        """The filter's pass with noise raised by what linearizing leaves out, if asked for."""
+        raised = np.zeros(window.y.shape)
+        passed = self._passed(window, theta, raised)
+        for _ in range(self._caution):
+            if isinstance(passed, str):
+                break
+            more = self._left_out(window, passed, theta) ** 2
+            # What is not finite tells nothing: as much noise as a number can stand.
+            more = np.where(more <= _MOST_NOISE, more, _MOST_NOISE)
+            if np.all((more <= _SMALL * np.diag(self._R)) | ~np.isfinite(window.y)):
+                break
+            raised = np.maximum(raised, more)
+            passed = self._passed(window, theta, raised)
+        return passed
+
+    def _left_out(self, window: Window, passed: Passed, theta: np.ndarray) -> np.ndarray:
+        """h(z + d) - h(z) - H d of every step, shape (k + 1, n_y)."""
+        assert self._output is not None
+        n, found, d = len(self.discrete.state_names), [], backwards(passed).d
+        for z, change, u, H in zip(window.z, d, window.u_read, passed.H, strict=True):
+            ends = []
+            for at in (z, z + change):
+                own = theta.copy()
+                own[self._free] = at[n:]
+                ends.append(self._output(at[:n], u, own))
+            found.append(ends[1] - ends[0] - H @ change)
+        return np.array(found)
+
+    def _passed(self, window: Window, theta: np.ndarray, raised: np.ndarray) -> Passed | str:
         """The filter's pass over a window, or why there is none."""
         m, P, last = window.mean - window.z[0], window.P, len(window) - 1
         found = Passed([], [], [], [], [], [], [], [])
         for k in range(last + 1):
             u = window.u[k] if k < last else window.u_read[k]
-            at = self._at(window, k, m, P, u, theta)
+            at = self._at(window, k, m, P, u, theta, raised[k])
             parts = (m, P, at.F, at.H, at.SH, at.Se, at.d, at.P_d)
             for kept, part in zip(found, parts, strict=True):
                 kept.append(part)
@@ -229,10 +268,19 @@ class MHE:
         return found
 
     def _at(
-        self, w: Window, k: int, m: np.ndarray, P: np.ndarray, u: np.ndarray, theta: np.ndarray
+        self,
+        w: Window,
+        k: int,
+        m: np.ndarray,
+        P: np.ndarray,
+        u: np.ndarray,
+        theta: np.ndarray,
+        raised: np.ndarray,
     ) -> Any:
-        """What `stage.stage` gives at step k."""
+        """What `stage.stage` gives at step k, the variances of its readings raised."""
         R = self._R
+        if raised.any():
+            R = R + np.diag(raised)
         if np.any(w.count[k] > 1):
             share = 1 / np.sqrt(w.count[k])
             R = R * np.outer(share, share)

@@ -25,6 +25,7 @@ KINDS = ALL | {
     "ukf, near": partial(UKF, many=serial, distance=0.5),
     "mhe, long": partial(MHE, window=80),
     "mhe, twice": partial(MHE, window=5, iterations=2),
+    "mhe, cautious": partial(MHE, window=5, caution=2),
 }
 
 
@@ -43,7 +44,7 @@ def make(request: pytest.FixtureRequest) -> Make:
 def test_it_is_the_kalman_filter_on_a_linear_model(toy, rng, kind, machine, monkeypatch):
     if machine == "virtual":
         for module in ("ekf", "mhe", "clouds"):
-            monkeypatch.setattr(f"estimators.{module}.twin", lambda plain, source: plain)
+            monkeypatch.setattr(f"estimators.{module}.twin", lambda plain, source=None: plain)
     Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
     made = KINDS[kind](toy, x0=x0, P0=P0, Q_w=Q, augment=("mass",))
     plain, est = Kalman(toy, Q), made.start

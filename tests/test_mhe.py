@@ -67,7 +67,7 @@ class Squares:
 def test_within_bounds_it_is_the_least_squares_path(toy, rng, machine, monkeypatch):
     if machine == "virtual":
         for module in ("ekf", "mhe", "bounds"):
-            monkeypatch.setattr(f"estimators.{module}.twin", lambda plain, source: plain)
+            monkeypatch.setattr(f"estimators.{module}.twin", lambda plain, source=None: plain)
     Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
     known = {"x0": x0, "P0": P0, "Q_w": Q, "augment": ("mass",)}
     mhe, ekf = MHE(toy, bounds=BOUNDS, window=12, **known), EKF(toy, **known)

@@ -28,7 +28,7 @@ def toy() -> LinearDiscrete:
 def test_the_transform_is_the_weighted_sums_of_the_textbook(rng, machine, monkeypatch):
     """Mean, covariance and update with the scaled weights, of points through a curved function."""
     if machine == "virtual":
-        monkeypatch.setattr("estimators.clouds.twin", lambda plain, source: plain)
+        monkeypatch.setattr("estimators.clouds.twin", lambda plain, source=None: plain)
     n, h, Q, R = 4, 1.3, covariance(rng, 4), covariance(rng, 4)
     root, centre = np.linalg.cholesky(covariance(rng, n)), rng.normal(size=n)
     points = spread_out(centre, root, h)
