@@ -136,3 +136,18 @@ def test_the_command(tmp_path, whole):
 def test_unknown_methods_are_one_line(capsys):
     assert main(["bench", "work-precision", "--methods", "magic"]) == 2
     assert "--methods: expected names of auto, " in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_references_agree_through_a_contact():
+    """Impact, pressing and leaving a soft wall; what a looser run is off comes from there."""
+    wall = dtc.load_scene("stability/contact_wall")
+    model = model_of(wall)
+    reference = reference_of(wall, model)
+    assert reference.trusted == wall.t_end and len(set(reference.names)) == 2
+    touching = dtc.simulate(wall).contacts.t
+    assert touching.min() < 0.1 * wall.t_end and touching.max() > 0.5 * wall.t_end
+    loose, tight = (
+        reference.errors(solved(wall, model, "tsit5", rtol))[0] for rtol in (1e-4, 1e-8)
+    )
+    assert tight < 1e-2 * loose and tight < 1e-5

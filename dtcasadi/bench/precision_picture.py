@@ -140,11 +140,18 @@ def _models(axes: Axes, points: Sequence["Point"]) -> None:
             axes.loglog(place[0], point.error_end, "*", color=BLACK, mfc="white", markersize=9)
             axes.annotate("at the end", (place[0], point.error_end), (6, -3), fontsize=7,
                           textcoords="offset points")  # fmt: skip
+    for part in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+        part(_plain)
     axes.set_xlabel("time to solution with auto [ms]")
     axes.set_ylabel("error against the scene's own model [lengths]")
     axes.set_ylim(_SMALLEST / 3, 3)
     axes.grid(color="#eeeeee", linewidth=0.6)
     axes.legend(fontsize=7.5, loc="best")
+
+
+def _plain(value: float, _: float) -> str:
+    """Of a logarithmic axis of a decade or two: 1, 2, 5 and their tens."""
+    return f"{value:g}" if f"{value:e}"[0] in "125" else ""
 
 
 def _label(model: tuple[str, str, int], base: tuple[str, str, int]) -> str:
