@@ -18,8 +18,9 @@ from .columns import DONE, FAILED, IMBALANCE_MAX, imbalance_text, outcomes
 from .probe import probe_of
 from .targets import Rows, Setup
 
-# Runs side by side: their states stay in the processor's cache.
-TOGETHER = 1024
+# Runs side by side: enough of them for Python's share to be small, few enough for the caches, and
+# for processes that end their last ones at much the same time.
+TOGETHER = 512
 # Steps of a call where nothing has to be looked at between them.
 BLOCK = 4
 
