@@ -47,32 +47,39 @@ class Factored:
     CasADi's QR, which the virtual machine can run and differentiate. SX: unrolled LU without
     pivoting, for matrices close to a mass matrix; what it loses otherwise shows in the step's own
     residual or error estimate.
+
+    Attributes:
+        matrix: what was factored, shape (n, n).
+        size: n.
+        native: whether the factors are those of `lu_factor.c`: LU (n, n) and pivots (n, 1).
+        factors: unrolled, or native; else there are none.
     """
 
     def __init__(self, matrix: ca.SX | ca.MX, *, native: bool):
-        self._matrix, self._native, self._n = ca.densify(matrix), native, matrix.shape[0]
+        self.matrix, self.size = ca.densify(matrix), matrix.shape[0]
         self._unrolled = isinstance(matrix, ca.SX)
+        self.native, self.factors = native and not self._unrolled, None
         if self._unrolled:
-            self._factors = lu(self._matrix)
-        elif native and self._n:
-            n = self._n
+            self.factors = lu(self.matrix)
+        elif native and self.size:
+            n = self.size
             sizes = {"A": (n, n), "LU": (n, n), "P": (n, 1)}
             factor = native_function("lu_factor", ("A",), ("LU", "P"), sizes, N=n)
-            self._factors = factor.call([self._matrix])
+            self.factors = factor.call([self.matrix])
 
     def solve(self, rhs: ca.SX | ca.MX) -> ca.SX | ca.MX:
         """X with matrix X = rhs, shape (n, m)."""
-        n, m = self._n, rhs.shape[1]
+        n, m = self.size, rhs.shape[1]
         if n == 0 or m == 0:
             return rhs
         if self._unrolled:
-            return lu_solve(self._factors, rhs)
+            return lu_solve(self.factors, rhs)
         rhs = ca.densify(rhs)
-        if not self._native:
-            return ca.solve(self._matrix, rhs, "qr")
+        if not self.native:
+            return ca.solve(self.matrix, rhs, "qr")
         sizes = {"LU": (n, n), "P": (n, 1), "B": (n, m), "X": (n, m)}
         kernel = native_function("lu_solve", ("LU", "P", "B"), ("X",), sizes, N=n, M=m)
-        return kernel(*self._factors, rhs)
+        return kernel(*self.factors, rhs)
 
 
 def native_function(

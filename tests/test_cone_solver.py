@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from dtcasadi.compile import compile_functions
 from dtcasadi.contact.kernels import solution
 from dtcasadi.contact.solver import solve_contacts
+from dtcasadi.linear import Factored
 
 SOLVED = 1e-11  # what the solver promises, of the largest impulse
 
@@ -113,7 +114,8 @@ def compiled(m: int) -> ca.Function:
     """The C kernel."""
     sizes = [(3 * m, 3 * m), (3 * m, 3 * m), (3 * m, 1), (m, 1), (m, 1), (1, 1)]
     ports = [ca.MX.sym(f"a{k}", *size) for k, size in enumerate(sizes)]
-    function = ca.Function("cone", ports, solution(m, 3 * m, 3 * m, native=True)(*ports))
+    solve = solution(m, 3 * m, Factored(ports[0], native=True))
+    function = ca.Function("cone", ports, solve(*ports[1:]))
     return compile_functions([function])["cone"]
 
 

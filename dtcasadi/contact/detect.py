@@ -149,13 +149,30 @@ def detect(
     return result
 
 
+def gaps_of(found: Candidates, R: np.ndarray, r: np.ndarray, who: np.ndarray) -> np.ndarray:
+    """Gaps of the candidates `who` (from 1; 0: none), shape (m,), at other poses."""
+    gaps = np.full(len(who), _FAR)
+    for s in np.flatnonzero(who > 0):
+        gaps[s] = _gap(found, int(who[s]) - 1, R, r)[0]
+    return gaps
+
+
+def _gap(
+    found: Candidates, c: int, R: np.ndarray, r: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Gap, normal and place of one candidate."""
+    a, kind, b = found.table[c]
+    place = r[a] + R[a] @ found.points[c]
+    gap, normal = _plate(found, a, b, place, R, r) if kind == PLATE else _shape(found, c, place)
+    return gap, normal, place
+
+
 def _contact(
     found: Candidates, c: int, R: np.ndarray, r: np.ndarray, S: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Gap, rows (normal, two tangents), Jacobian rows and place of one candidate."""
     a, kind, b = found.table[c]
-    place = r[a] + R[a] @ found.points[c]
-    gap, normal = _plate(found, a, b, place, R, r) if kind == PLATE else _shape(found, c, place)
+    gap, normal, place = _gap(found, c, R, r)
     first = np.eye(3)[np.argmin(np.abs(normal))]
     first = first - (first @ normal) * normal
     first /= np.linalg.norm(first)

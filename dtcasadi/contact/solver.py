@@ -4,7 +4,7 @@ import numpy as np
 
 # Rounds of Gauss-Seidel sweeps followed by Newton steps: a bound, hardly ever reached.
 ROUNDS, SWEEPS, NEWTON, HALVINGS = 12, 4, 12, 5
-_RIDGE, _SOLVED, _ENOUGH = 1e-9, 1e-15, 1e-11
+_RIDGE, _SOLVED, _ENOUGH = 1e-9, 1e-12, 1e-11
 
 
 def solve_contacts(

@@ -12,7 +12,8 @@ with W = M + h D + h^2 K of the implicit form:
 4. Where something hits, its approach more than the forces' change in one step, Moreau's law with
    one coefficient e on the averaged velocity (u+ + e u_f) / (1 + e) for all that touches, normal
    and tangential, which never gives energy: v_+ = v_f + W^-1 J^T p2. Elsewhere v_+ = v_1.
-5. Projection of q_1 back to g >= 0 in the metric of W; its work is booked apart.
+5. Projection of q_1 back to g >= 0 along the normals of 2 in the metric of W; its work is booked
+   apart.
 
 The normal impulses of 3 see no penetration, so what the impulses do is never positive; what they
 leave in g is of the order of h^2 and goes in 5.
@@ -28,7 +29,7 @@ import numpy as np
 
 from ..linear import Factored
 from .detect import Candidates, candidates_of
-from .kernels import detection, solution
+from .kernels import detection, gaps, solution
 
 if TYPE_CHECKING:
     from ..graphs import Graphs
@@ -49,10 +50,12 @@ class Rims:
         candidates: what may touch.
         places: q, theta -> R (3, 3 N), r (3, N), S (6 N, n_q): poses, and angular over linear
             velocity of each disc along its own axes for unit rates.
+        poses: the first two of them alone.
     """
 
     candidates: Candidates
     places: ca.Function
+    poses: ca.Function
 
 
 class Impulses(NamedTuple):
@@ -92,7 +95,11 @@ def rims_of(g: Graphs) -> Rims | None:
         columns.append(ca.vertcat(*(part for pair in pairs for part in pair)))
     values = [ca.horzcat(*R), ca.horzcat(*r), ca.horzcat(*columns)]
     values = [ca.densify(chain.asm.expression(value)) for value in values]
-    return Rims(found, ca.Function("places", [g.q, g.theta], values, {"cse": True}))
+    functions = (
+        ca.Function(name, [g.q, g.theta], values[:n], {"cse": True})
+        for name, n in (("places", 3), ("rim_poses", 2))
+    )
+    return Rims(found, *functions)
 
 
 @dataclass(frozen=True)
@@ -170,12 +177,13 @@ def impulses(plant: Plant, at: At) -> Impulses:
         return Impulses(x_next, zero, work=zero, loss=zero, shift=at.zeros(n), **nothing)
     m = rims.candidates.size
     find = detection(rims.candidates, n, native=plant.native)
-    solve = solution(m, n, n + n_z, native=plant.native)
+    solve = solution(m, n, factored)
+    lift = solution(m, n, factored, rows=1)
     normal = ca.sparsify(ca.DM(np.kron(np.eye(m), [[1.0], [0.0], [0.0]])))
     gap, J, mu, who, frame, place = find(*rims.places(q, at.theta), free, h)
     u_f = ca.mtimes(J, free)
     room = ca.mtimes(normal, ca.fmax(ca.fmin(gap, _CLOSE), 0)) / h
-    p, reply, defect = solve(W, J, u_f + room, mu, who, 1)
+    p, reply, defect = solve(J, u_f + room, mu, who, 1)
     q = q + h * (free + ca.vertsplit(reply, [0, n, n + n_z])[0])
     e = rims.candidates.restitution
     if e > 0:
@@ -183,7 +191,7 @@ def impulses(plant: Plant, at: At) -> Impulses:
         forced = ca.fabs(ca.mtimes(normal.T, ca.mtimes(J, change)))
         pushed = ca.mtimes(normal.T, p) > 0
         hits = ca.mmax(pushed * (closing > _HITS * forced))
-        bounce, back, other = solve(W, J, u_f, mu, who * pushed, 1 / (1 + e))
+        bounce, back, other = solve(J, u_f, mu, who * pushed, 1 / (1 + e))
         p, reply = p + hits * (bounce - p), reply + hits * (back - reply)
         defect = ca.fmax(defect, hits * other)
     moved, moved_z = ca.vertsplit(reply, [0, n, n + n_z])
@@ -191,12 +199,10 @@ def impulses(plant: Plant, at: At) -> Impulses:
     loss = ca.dot(p, u_f + ca.mtimes(J, v)) / 2
     work = loss - ca.dot(p, ca.mtimes(J, change)) / 2
     shift = at.zeros(n)
-    across = ca.DM(np.tile([1.0, 0.0, 0.0], m))  # rows along the normals
     for _ in range(_PROJECTIONS):
-        left, J, _, near, _, _ = find(*rims.places(q + shift, at.theta), at.zeros(n), h)
-        J = J * ca.repmat(across, 1, n)
+        left = gaps(rims.candidates, native=plant.native)(*rims.poses(q + shift, at.theta), who)
         room = ca.mtimes(normal, ca.fmin(left, _CLOSE))
-        lift = solve(W, J, room, at.zeros(m), near, 1)[1]
-        shift = shift + ca.vertsplit(lift, [0, n, n + n_z])[0]
+        lifted = lift(J, room, at.zeros(m), who, 1)[1]
+        shift = shift + ca.vertsplit(lifted, [0, n, n + n_z])[0]
     x_next = ca.vertcat(q + shift, v, z)
     return Impulses(x_next, defect, p, who, frame, place, gap, work, loss, shift)

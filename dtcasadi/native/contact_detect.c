@@ -4,16 +4,21 @@
    its own axes for unit rates; V: rates; H: step. Candidates: POINT (3 x C) on the disc TAB[0], kind
    TAB[1] of what it may touch (0 half-space, 1 sphere, 2 capsule, 3 box, 4 plate of a disc), number
    TAB[2] of the shape in SHAPE (16 each) or of the disc, whose PLATE has centre, radius and half its
-   thickness; FRICTION (C). Out of reach is what neither comes near nor could be driven there. */
+   thickness; FRICTION (C). Out of reach is what neither comes near nor could be driven there.
+   With GIVEN, the gaps of the candidates LIST (M, from 1; 0: none) and nothing else: what the other
+   ports hold does not matter. */
 casadi_real normal[3 * C], gaps[C], reach[C], spin[6 * N], margin = 0, fastest = 0;
 casadi_int taken[C];
-casadi_int c, i, j, k, s;
-for (i = 0; i < 6 * N; ++i) {
+casadi_int c, e, i, j, k, s, near = 0;
+if (!GIVEN) for (i = 0; i < 6 * N; ++i) {
   casadi_real sum = 0;
   for (j = 0; j < NV; ++j) sum += S[j * 6 * N + i] * V[j];
   spin[i] = sum;
 }
-for (c = 0; c < C; ++c) {
+if (GIVEN) for (s = 0; s < M; ++s) GAP[s] = 1e30;
+for (e = 0; e < (GIVEN ? M : C); ++e) {
+  if (GIVEN && !(LIST[e] > 0)) continue;
+  c = GIVEN ? (casadi_int) LIST[e] - 1 : e;
   const casadi_int a = (casadi_int) TAB[3 * c], kind = (casadi_int) TAB[3 * c + 1];
   const casadi_real *P = POINT + 3 * c, *Ra = R + 9 * a, *shape = SHAPE;
   casadi_real x[3], n[3] = {0, 0, 0}, d[3], u[3], gap = 0, size = 0, speed = 0;
@@ -65,6 +70,10 @@ for (c = 0; c < C; ++c) {
     gap = fabs(y[2] - plate[2]) - plate[4];
     if (size > plate[3]) gap = 1e30;
   }
+  if (GIVEN) {
+    GAP[e] = gap;
+    continue;
+  }
   for (i = 0; i < 2; ++i) {
     const casadi_int disc = i == 0 ? a : (casadi_int) TAB[3 * c + 2];
     const casadi_real *q = R + 9 * disc, *w = spin + 6 * disc;
@@ -86,21 +95,24 @@ for (c = 0; c < C; ++c) {
   reach[c] = gap + H[0] * speed;
   fastest = fmax(fastest, fabs(speed));
   for (k = 0; k < 3; ++k) normal[3 * c + k] = n[k];
-  taken[c] = 0;
 }
 for (i = 0; i < N; ++i) margin = fmax(margin, 1e-3 * PLATE[5 * i + 3]);
 margin += 4 * H[0] * fastest;
-for (s = 0; s < M; ++s) {
-  casadi_int best = -1;
-  for (c = 0; c < C; ++c) if (!taken[c] && (best < 0 || reach[c] < reach[best])) best = c;
-  for (j = 0; j < NV; ++j) for (k = 0; k < 3; ++k) JAC[j * 3 * M + 3 * s + k] = 0;
-  for (k = 0; k < 3; ++k) PLACE[3 * s + k] = 0;
-  for (k = 0; k < 9; ++k) FRAME[9 * s + k] = 0;
-  GAP[s] = 1e30;
-  WHO[s] = 0;
-  MU[s] = 0;
-  if (best < 0 || !(reach[best] < margin)) continue;
-  taken[best] = 1;
+for (c = 0; c < (GIVEN ? 0 : C); ++c) if (reach[c] < margin) taken[near++] = c;
+if (!GIVEN) {
+  for (i = 0; i < 3 * M * NV; ++i) JAC[i] = 0;
+  for (i = 0; i < 3 * M; ++i) PLACE[i] = 0;
+  for (i = 0; i < 9 * M; ++i) FRAME[i] = 0;
+  for (s = 0; s < M; ++s) {
+    GAP[s] = 1e30;
+    WHO[s] = MU[s] = 0;
+  }
+}
+for (s = 0; s < (GIVEN ? 0 : M) && s < near; ++s) {
+  casadi_int first = s, best;
+  for (i = s + 1; i < near; ++i) if (reach[taken[i]] < reach[taken[first]]) first = i;
+  best = taken[first];
+  for (i = first; i > s; --i) taken[i] = taken[i - 1];  /* in order, for equals */
   WHO[s] = (casadi_real) (best + 1);
   GAP[s] = gaps[best];
   MU[s] = FRICTION[best];

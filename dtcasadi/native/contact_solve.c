@@ -1,101 +1,105 @@
 /* Impulses P (3 M) of M contacts with Coulomb friction, and DX = W^-1 (J^T; 0) P: u = G P + B with
    G = SHARE J W^-1 (J^T; 0), and for each contact
    0 <= u_n  _|_  P_n >= 0, and P_t in the disc of radius MU P_n opposing u_t (or u_t = 0).
-   Gauss-Seidel sweeps, then semismooth Newton steps on the natural map (Alart and Curnier 1991)
-   with a line search, or a jump into the cone where that leads nowhere, over and over until it is
-   solved or ROUNDS are spent. WHO: 0 where there is
-   no contact. RES: largest defect of the natural map over the largest impulse. */
-casadi_real G[9 * M * M], X[3 * M * NW], LU[NW * NW], u[3 * M], F[3 * M], trial[3 * M], step[3 * M], best[3 * M], least = 1e300, A[9 * M * M], rho[2 * M];
-casadi_real defect, scale = 0, top = 0, ridge;
-casadi_int index[3 * M], kind[M];
-casadi_int i, j, k, s, round, sweep, count;
-count = 0;
-for (s = 0; s < M; ++s) {
-  if (WHO[s] > 0 && B[3 * s] < 0) count = 1;
-  for (k = 0; k < 3; ++k) P[3 * s + k] = best[3 * s + k] = 0;
-}
-RES[0] = 0;
+   LU and PIVOT: factors of W (lu_factor.c). WHO: 0 where there is no contact. ROWS: 3, or 1 for
+   normal impulses alone. Gauss-Seidel sweeps, then semismooth Newton steps on the natural map
+   (Alart and Curnier 1991) with a line search, or a jump into the cone where that leads nowhere,
+   over and over until it is solved or ROUNDS are spent; all on arrays of the n contacts there are.
+   RES: largest defect of the natural map over the largest impulse. */
+casadi_real G[ROWS * M * ROWS * M], Y[NW * ROWS * M], T[NV * ROWS * M], b[ROWS * M], p[ROWS * M];
+casadi_real u[ROWS * M], F[ROWS * M], trial[ROWS * M], step[ROWS * M], best[ROWS * M], mu[M];
+casadi_real A[ROWS * M * ROWS * M], rho[2 * M], least = 1e300, defect, scale = 0, top = 0, ridge;
+casadi_int index[ROWS * M], kind[M], of[M], i, j, k, s, round, sweep, count = 0, n = 0, size;
+for (i = 0; i < 3 * M; ++i) P[i] = 0;
 for (i = 0; i < NW; ++i) DX[i] = 0;
+RES[0] = 0;
+for (s = 0; s < M; ++s) {
+  if (!(WHO[s] > 0)) continue;
+  if (B[3 * s] < 0) count = 1;
+  of[n] = s;
+  mu[n++] = ROWS > 1 ? MU[s] : 0;
+}
+size = ROWS * n;
 if (count) {
-for (j = 0; j < 3 * M; ++j) for (i = 0; i < NW; ++i) X[j * NW + i] = i < NV ? J[i * 3 * M + j] : 0;
-for (i = 0; i < NW * NW; ++i) LU[i] = W[i];
+for (s = 0; s < n; ++s) {
+  for (k = 0; k < ROWS; ++k) {
+    const casadi_int row = 3 * of[s] + k, at = ROWS * s + k;
+    b[at] = B[row];
+    p[at] = best[at] = 0;
+    for (i = 0; i < NV; ++i) Y[i * size + at] = T[i * size + at] = J[i * 3 * M + row];
+    for (i = NV; i < NW; ++i) Y[i * size + at] = 0;
+  }
+}
 for (k = 0; k < NW; ++k) {
-  casadi_int most = k;
-  casadi_real r;
-  for (i = k + 1; i < NW; ++i) if (fabs(LU[k * NW + i]) > fabs(LU[k * NW + most])) most = i;
-  if (most != k) {
-    for (j = 0; j < NW; ++j) {
-      r = LU[j * NW + k];
-      LU[j * NW + k] = LU[j * NW + most];
-      LU[j * NW + most] = r;
-    }
-    for (j = 0; j < 3 * M; ++j) {
-      r = X[j * NW + k];
-      X[j * NW + k] = X[j * NW + most];
-      X[j * NW + most] = r;
-    }
-  }
-  for (i = k + 1; i < NW; ++i) LU[k * NW + i] /= LU[k * NW + k];
-  for (j = k + 1; j < NW; ++j)
-    for (i = k + 1; i < NW; ++i) LU[j * NW + i] -= LU[k * NW + i] * LU[j * NW + k];
-}
-for (j = 0; j < 3 * M; ++j) {
-  casadi_real *x = X + j * NW;
-  if (!(WHO[j / 3] > 0)) continue;
-  for (k = 0; k < NW; ++k) for (i = k + 1; i < NW; ++i) x[i] -= LU[k * NW + i] * x[k];
-  for (k = NW; k-- > 0;) {
-    x[k] /= LU[k * NW + k];
-    for (i = 0; i < k; ++i) x[i] -= LU[k * NW + i] * x[k];
+  const casadi_int other = (casadi_int) PIVOT[k];
+  if (other == k) continue;
+  for (j = 0; j < size; ++j) {
+    const casadi_real r = Y[k * size + j];
+    Y[k * size + j] = Y[other * size + j];
+    Y[other * size + j] = r;
   }
 }
-for (j = 0; j < 3 * M; ++j) {
-  for (i = 0; i < 3 * M; ++i) {
-    casadi_real sum = 0;
-    if (WHO[j / 3] > 0 && WHO[i / 3] > 0)
-      for (k = 0; k < NV; ++k) sum += J[k * 3 * M + i] * X[j * NW + k];
-    G[j * 3 * M + i] = SHARE[0] * sum;
+for (i = 1; i < NW; ++i)
+  for (k = 0; k < i; ++k)
+    for (j = 0; j < size; ++j) Y[i * size + j] -= LU[i * NW + k] * Y[k * size + j];
+for (i = NW; i-- > 0;) {
+  const casadi_real r = 1 / LU[i * NW + i];
+  for (k = i + 1; k < NW; ++k)
+    for (j = 0; j < size; ++j) Y[i * size + j] -= LU[i * NW + k] * Y[k * size + j];
+  for (j = 0; j < size; ++j) Y[i * size + j] *= r;
+}
+for (j = 0; j < size; ++j) {
+  casadi_real *g = G + j * size;
+  for (i = 0; i < size; ++i) g[i] = 0;
+  for (k = 0; k < NV; ++k) {
+    const casadi_real y = SHARE[0] * Y[k * size + j];
+    for (i = 0; i < size; ++i) g[i] += T[k * size + i] * y;
   }
-  top = fmax(top, G[j * 3 * M + j]);
+  top = fmax(top, g[j]);
 }
 ridge = 1e-9 * top;
-for (s = 0; s < M; ++s) {
-  const casadi_real *g = G + 3 * s * 3 * M + 3 * s;
-  const casadi_real across = fmax(g[3 * M + 1], g[6 * M + 2]) + fabs(g[3 * M + 2]);
-  rho[2 * s] = 1 / (g[0] + ridge + 1e-300);
-  rho[2 * s + 1] = 1 / (across + ridge + 1e-300);
-  kind[s] = WHO[s] > 0 && g[0] > ridge;
-  if (kind[s] && B[3 * s] < 0)
-    for (k = 0; k < 3; ++k) scale = fmax(scale, fabs(B[3 * s + k]) * rho[2 * s]);
+for (s = 0; s < n; ++s) {
+  const casadi_int at = ROWS * s;
+  const casadi_real *g = G + at * size + at;
+  rho[2 * s] = rho[2 * s + 1] = 1 / (g[0] + ridge + 1e-300);
+  if (ROWS > 1) {
+    const casadi_real across = fmax(g[size + 1], g[2 * size + 2]) + fabs(g[size + 2]);
+    rho[2 * s + 1] = 1 / (across + ridge + 1e-300);
+  }
+  kind[s] = g[0] > ridge;
+  if (kind[s] && b[at] < 0)
+    for (k = 0; k < ROWS; ++k) scale = fmax(scale, fabs(b[at + k]) * rho[2 * s]);
 }
 defect = 1e300;
 for (round = 0; round < ROUNDS && scale > 0; ++round) {
   casadi_int newton;
-  for (i = 0; i < 3 * M; ++i) {
-    u[i] = B[i];
-    for (j = 0; j < 3 * M; ++j) u[i] += G[j * 3 * M + i] * P[j];
-  }
+  for (i = 0; i < size; ++i) u[i] = b[i];
+  for (j = 0; j < size; ++j)
+    if (p[j] != 0) for (i = 0; i < size; ++i) u[i] += G[j * size + i] * p[j];
   for (sweep = 0; sweep < SWEEPS; ++sweep) {
-    for (s = 0; s < M; ++s) {
+    for (s = 0; s < n; ++s) {
+      const casadi_int at = ROWS * s;
       casadi_real change[3], old[3], length;
       if (!kind[s]) continue;
-      for (k = 0; k < 3; ++k) old[k] = P[3 * s + k];
-      P[3 * s] = fmax(old[0] - rho[2 * s] * u[3 * s], 0);
-      change[0] = P[3 * s] - old[0];
-      for (k = 1; k < 3; ++k) {
-        const casadi_real now = u[3 * s + k] + G[3 * s * 3 * M + 3 * s + k] * change[0];
-        P[3 * s + k] = old[k] - rho[2 * s + 1] * now;
+      for (k = 0; k < ROWS; ++k) old[k] = p[at + k];
+      p[at] = fmax(old[0] - rho[2 * s] * u[at], 0);
+      change[0] = p[at] - old[0];
+      if (ROWS > 1) {
+        for (k = 1; k < 3; ++k) {
+          const casadi_real now = u[at + k] + G[at * size + at + k] * change[0];
+          p[at + k] = old[k] - rho[2 * s + 1] * now;
+        }
+        length = sqrt(p[at + 1] * p[at + 1] + p[at + 2] * p[at + 2]);
+        if (length > mu[s] * p[at]) for (k = 1; k < 3; ++k) p[at + k] *= mu[s] * p[at] / length;
       }
-      length = sqrt(P[3 * s + 1] * P[3 * s + 1] + P[3 * s + 2] * P[3 * s + 2]);
-      if (length > MU[s] * P[3 * s])
-        for (k = 1; k < 3; ++k) P[3 * s + k] *= MU[s] * P[3 * s] / length;
-      for (k = 0; k < 3; ++k) {
-        change[k] = P[3 * s + k] - old[k];
+      for (k = 0; k < ROWS; ++k) {
+        change[k] = p[at + k] - old[k];
         if (change[k] != 0)
-          for (i = 0; i < 3 * M; ++i) u[i] += G[(3 * s + k) * 3 * M + i] * change[k];
+          for (i = 0; i < size; ++i) u[i] += G[(at + k) * size + i] * change[k];
       }
     }
   }
-  for (i = 0; i < 3 * M; ++i) trial[i] = P[i];
+  for (i = 0; i < size; ++i) trial[i] = p[i];
   defect = 1e300;
   for (newton = 0; newton < NEWTON; ++newton) {
     casadi_real share = 1;
@@ -103,32 +107,35 @@ for (round = 0; round < ROUNDS && scale > 0; ++round) {
     for (halving = 0; halving <= HALVINGS; ++halving) {
       casadi_real now = 0;
       if (halving == HALVINGS) share = 1;
-      if (newton > 0) for (i = 0; i < 3 * M; ++i) trial[i] = P[i] + share * step[i];
-      for (s = 0; s < M; ++s) {
-        casadi_real length;
-        if (!kind[s]) { for (k = 0; k < 3; ++k) F[3 * s + k] = 0; continue; }
-        if (halving == HALVINGS) {
-          casadi_real *t = trial + 3 * s;
+      if (newton > 0) for (i = 0; i < size; ++i) trial[i] = p[i] + share * step[i];
+      if (halving == HALVINGS) {
+        for (s = 0; s < n; ++s) {
+          casadi_real *t = trial + ROWS * s, length;
+          if (!kind[s]) continue;
           t[0] = fmax(t[0], 0);
-          length = sqrt(t[1] * t[1] + t[2] * t[2]);
-          if (length > MU[s] * t[0]) for (k = 1; k < 3; ++k) t[k] *= MU[s] * t[0] / length;
+          if (ROWS > 1) {
+            length = sqrt(t[1] * t[1] + t[2] * t[2]);
+            if (length > mu[s] * t[0]) for (k = 1; k < 3; ++k) t[k] *= mu[s] * t[0] / length;
+          }
         }
       }
-      for (s = 0; s < M; ++s) {
-        casadi_real tau[3], length, radius;
+      for (i = 0; i < size; ++i) u[i] = b[i];
+      for (j = 0; j < size; ++j)
+        if (trial[j] != 0) for (i = 0; i < size; ++i) u[i] += G[j * size + i] * trial[j];
+      for (s = 0; s < n; ++s) {
+        const casadi_real *t = trial + ROWS * s, *v = u + ROWS * s;
+        casadi_real *f = F + ROWS * s, tau[3], length, radius;
+        for (k = 0; k < ROWS; ++k) f[k] = 0;
         if (!kind[s]) continue;
-        for (k = 0; k < 3; ++k) {
-          casadi_real sum = B[3 * s + k];
-          for (j = 0; j < 3 * M; ++j) sum += G[j * 3 * M + 3 * s + k] * trial[j];
-          u[3 * s + k] = sum;
-          tau[k] = trial[3 * s + k] - rho[2 * s + (k > 0)] * sum;
+        for (k = 0; k < ROWS; ++k) tau[k] = t[k] - rho[2 * s + (k > 0)] * v[k];
+        f[0] = t[0] - fmax(tau[0], 0);
+        if (ROWS > 1) {
+          radius = mu[s] * fmax(tau[0], 0);
+          length = sqrt(tau[1] * tau[1] + tau[2] * tau[2]);
+          for (k = 1; k < 3; ++k)
+            f[k] = t[k] - (length > radius ? tau[k] * radius / length : tau[k]);
         }
-        F[3 * s] = trial[3 * s] - fmax(tau[0], 0);
-        radius = MU[s] * fmax(tau[0], 0);
-        length = sqrt(tau[1] * tau[1] + tau[2] * tau[2]);
-        for (k = 1; k < 3; ++k)
-          F[3 * s + k] = trial[3 * s + k] - (length > radius ? tau[k] * radius / length : tau[k]);
-        for (k = 0; k < 3; ++k) now = fmax(now, fabs(F[3 * s + k]));
+        for (k = 0; k < ROWS; ++k) now = fmax(now, fabs(f[k]));
       }
       if (newton == 0 || halving == HALVINGS || now < (1 - 0.1 * share) * defect) {
         defect = now;
@@ -136,68 +143,79 @@ for (round = 0; round < ROUNDS && scale > 0; ++round) {
       }
       share /= 2;
     }
-    for (i = 0; i < 3 * M; ++i) P[i] = trial[i];
+    for (i = 0; i < size; ++i) p[i] = trial[i];
     if (defect < least) {
       least = defect;
-      for (i = 0; i < 3 * M; ++i) best[i] = P[i];
+      for (i = 0; i < size; ++i) best[i] = p[i];
     }
-    if (defect <= 1e-15 * scale) break;
+    if (defect <= 1e-12 * scale) break;
     /* Rows of the natural map's derivative for contacts that push or slide. */
     count = 0;
-    for (s = 0; s < M; ++s)
-      if (kind[s] && P[3 * s] - rho[2 * s] * u[3 * s] > 0)
-        for (k = 0; k < 3; ++k) index[count++] = 3 * s + k;
-    for (i = 0; i < 3 * M; ++i) step[i] = -F[i];
-    for (s = 0; s < M; ++s)
-      if (!(kind[s] && P[3 * s] - rho[2 * s] * u[3 * s] > 0))
-        for (k = 0; k < 3; ++k) step[3 * s + k] = -P[3 * s + k];
-    for (i = 0; i < count; i += 3) {
-      const casadi_int at = index[i];
-      const casadi_real pn = rho[2 * (at / 3)], pt = rho[2 * (at / 3) + 1], mu = MU[at / 3];
-      const casadi_real t1 = P[at + 1] - pt * u[at + 1], t2 = P[at + 2] - pt * u[at + 2];
-      const casadi_real radius = mu * (P[at] - pn * u[at]), length = sqrt(t1 * t1 + t2 * t2);
-      const casadi_int slides = length > radius;
-      const casadi_real s1 = slides ? t1 / length : 0, s2 = slides ? t2 / length : 0;
-      const casadi_real q = slides ? radius / length : 1;
-      const casadi_real a11 = q * (1 - s1 * s1), a12 = -q * s1 * s2, a22 = q * (1 - s2 * s2);
+    for (s = 0; s < n; ++s) {
+      const casadi_int at = ROWS * s;
+      const casadi_int on = kind[s] && p[at] - rho[2 * s] * u[at] > 0;
+      for (k = 0; k < ROWS; ++k) {
+        step[at + k] = on ? -F[at + k] : -p[at + k];
+        if (on) index[count++] = at + k;
+      }
+    }
+    for (i = 0; i < count; i += ROWS) {
+      const casadi_int at = index[i], c = at / ROWS;
+      const casadi_real pn = rho[2 * c], pt = rho[2 * c + 1];
+      casadi_real s1 = 0, s2 = 0, a11 = 0, a12 = 0, a22 = 0;
+      if (ROWS > 1) {
+        const casadi_real t1 = p[at + 1] - pt * u[at + 1], t2 = p[at + 2] - pt * u[at + 2];
+        const casadi_real radius = mu[c] * (p[at] - pn * u[at]), length = sqrt(t1 * t1 + t2 * t2);
+        const casadi_int slides = length > radius;
+        const casadi_real q = slides ? radius / length : 1;
+        s1 = slides ? t1 / length : 0;
+        s2 = slides ? t2 / length : 0;
+        a11 = q * (1 - s1 * s1);
+        a12 = -q * s1 * s2;
+        a22 = q * (1 - s2 * s2);
+      }
       for (j = 0; j < count; ++j) {
-        const casadi_int of = index[j];
-        const casadi_real d0 = at == of, d1 = at + 1 == of, d2 = at + 2 == of;
-        const casadi_real *g = G + of * 3 * M + at;
+        const casadi_int to = index[j];
+        const casadi_real d0 = at == to, *g = G + to * size + at;
         const casadi_real n0 = d0 - pn * (g[0] + ridge * d0);
-        const casadi_real n1 = d1 - pt * (g[1] + ridge * d1), n2 = d2 - pt * (g[2] + ridge * d2);
-        A[(i + 0) * count + j] = d0 - n0;
-        A[(i + 1) * count + j] = d1 - a11 * n1 - a12 * n2 - s1 * mu * n0;
-        A[(i + 2) * count + j] = d2 - a12 * n1 - a22 * n2 - s2 * mu * n0;
+        A[i * count + j] = d0 - n0;
+        if (ROWS > 1) {
+          const casadi_real d1 = at + 1 == to, d2 = at + 2 == to;
+          const casadi_real n1 = d1 - pt * (g[1] + ridge * d1), n2 = d2 - pt * (g[2] + ridge * d2);
+          A[(i + 1) * count + j] = d1 - a11 * n1 - a12 * n2 - s1 * mu[c] * n0;
+          A[(i + 2) * count + j] = d2 - a12 * n1 - a22 * n2 - s2 * mu[c] * n0;
+        }
       }
       /* Contacts that let go change those that stay. */
-      for (s = 0; s < M; ++s) {
-        casadi_int gone = 3 * s;
-        if (!kind[s] || P[gone] - rho[2 * s] * u[gone] > 0) continue;
-        for (k = 0; k < 3; ++k) {
-          const casadi_real *g = G + (gone + k) * 3 * M + at, d = step[gone + k];
+      for (s = 0; s < n; ++s) {
+        const casadi_int gone = ROWS * s;
+        if (!kind[s] || p[gone] - rho[2 * s] * u[gone] > 0) continue;
+        for (k = 0; k < ROWS; ++k) {
+          const casadi_real *g = G + (gone + k) * size + at, d = step[gone + k];
           if (d == 0) continue;
           step[at] -= pn * g[0] * d;
-          step[at + 1] -= (a11 * pt * g[1] + a12 * pt * g[2] + s1 * mu * pn * g[0]) * d;
-          step[at + 2] -= (a12 * pt * g[1] + a22 * pt * g[2] + s2 * mu * pn * g[0]) * d;
+          if (ROWS > 1) {
+            step[at + 1] -= (a11 * pt * g[1] + a12 * pt * g[2] + s1 * mu[c] * pn * g[0]) * d;
+            step[at + 2] -= (a12 * pt * g[1] + a22 * pt * g[2] + s2 * mu[c] * pn * g[0]) * d;
+          }
         }
       }
     }
     for (i = 0; i < count; ++i) trial[i] = step[index[i]];
     for (k = 0; k < count; ++k) {
-      casadi_int best = k;
+      casadi_int most = k;
       casadi_real pivot;
       for (i = k + 1; i < count; ++i)
-        if (fabs(A[i * count + k]) > fabs(A[best * count + k])) best = i;
-      if (best != k) {
+        if (fabs(A[i * count + k]) > fabs(A[most * count + k])) most = i;
+      if (most != k) {
         for (j = k; j < count; ++j) {
           pivot = A[k * count + j];
-          A[k * count + j] = A[best * count + j];
-          A[best * count + j] = pivot;
+          A[k * count + j] = A[most * count + j];
+          A[most * count + j] = pivot;
         }
         pivot = trial[k];
-        trial[k] = trial[best];
-        trial[best] = pivot;
+        trial[k] = trial[most];
+        trial[most] = pivot;
       }
       pivot = A[k * count + k];
       if (pivot == 0) pivot = A[k * count + k] = 1;
@@ -214,19 +232,21 @@ for (round = 0; round < ROUNDS && scale > 0; ++round) {
     }
     for (i = 0; i < count; ++i) step[index[i]] = trial[i];
   }
-  for (i = 0; i < 3 * M; ++i) P[i] = best[i];
-  /* Into the cone, exactly. */
-  for (s = 0; s < M; ++s) {
-    casadi_real length;
-    P[3 * s] = fmax(P[3 * s], 0);
-    length = sqrt(P[3 * s + 1] * P[3 * s + 1] + P[3 * s + 2] * P[3 * s + 2]);
-    if (length > MU[s] * P[3 * s])
-      for (k = 1; k < 3; ++k) P[3 * s + k] *= MU[s] * P[3 * s] / length;
+  /* The best of them, into the cone exactly. */
+  for (s = 0; s < n; ++s) {
+    casadi_real *t = p + ROWS * s, length;
+    for (k = 0; k < ROWS; ++k) t[k] = best[ROWS * s + k];
+    t[0] = fmax(t[0], 0);
+    scale = fmax(scale, t[0]);
+    if (ROWS > 1) {
+      length = sqrt(t[1] * t[1] + t[2] * t[2]);
+      if (length > mu[s] * t[0]) for (k = 1; k < 3; ++k) t[k] *= mu[s] * t[0] / length;
+      for (k = 1; k < 3; ++k) scale = fmax(scale, t[k]);
+    }
   }
-  for (i = 0; i < 3 * M; ++i) scale = fmax(scale, P[i]);
   RES[0] = least / scale;
   if (least <= 1e-11 * scale) break;
 }
-for (j = 0; j < 3 * M; ++j)
-  if (P[j] != 0) for (i = 0; i < NW; ++i) DX[i] += X[j * NW + i] * P[j];
+for (s = 0; s < n; ++s) for (k = 0; k < ROWS; ++k) P[3 * of[s] + k] = p[ROWS * s + k];
+for (i = 0; i < NW; ++i) for (j = 0; j < size; ++j) DX[i] += Y[i * size + j] * p[j];
 }
