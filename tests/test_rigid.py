@@ -130,13 +130,15 @@ def tumbling(n: int = 3, **options: Any) -> dtc.Model:
 
 
 def dropped(model: dtc.Model, rng: np.random.Generator) -> dtc.Run:
-    """A run from a random pose and random rates."""
+    """A run from a random pose and random rates, one that touches something."""
     while True:
         x0 = np.concatenate([0.5 * rng.normal(size=model.n_q), 2 * rng.normal(size=model.n_q)])
         try:
-            return dtc.simulate(model, x0, t_end=0.6, step_s=1e-3)
+            run = dtc.simulate(model, x0, t_end=0.6, step_s=1e-3)
         except SimulationError:
             continue
+        if run.touched is not None and len(run.touched.loss):
+            return run
 
 
 def check_drop(run: dtc.Run) -> None:
