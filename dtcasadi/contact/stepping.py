@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # An impact is an approach faster than so many changes of velocity by the forces in one step.
 _HITS = 2.0
 _CLOSE = 1e20  # gaps beyond it belong to no contact
+_CLOSED = 1e-8  # smaller ones are none, in radii
 _PROJECTIONS = 1
 _DIFFERENCE = 1e-6
 
@@ -182,7 +183,9 @@ def impulses(plant: Plant, at: At) -> Impulses:
     normal = ca.sparsify(ca.DM(np.kron(np.eye(m), [[1.0], [0.0], [0.0]])))
     gap, J, mu, who, frame, place = find(*rims.places(q, at.theta), free, h)
     u_f = ca.mtimes(J, free)
-    room = ca.mtimes(normal, ca.fmax(ca.fmin(gap, _CLOSE), 0)) / h
+    # In the plane, a normal out of it makes a slip of what is left of a gap.
+    closed = _CLOSED * float(np.max(rims.candidates.plates[:, 3]))
+    room = ca.mtimes(normal, ca.fmin(gap, _CLOSE) * (gap > closed)) / h
     p, reply, defect = solve(J, u_f + room, mu, who, 1)
     q = q + h * (free + ca.vertsplit(reply, [0, n, n + n_z])[0])
     e = rims.candidates.restitution
