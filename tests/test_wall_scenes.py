@@ -19,7 +19,7 @@ LENGTH = 0.2
 
 @pytest.mark.parametrize("name", ["estimation/wall", "control/wall"])
 def test_the_tube_rests_on_its_wall(name):
-    """At the highest pressure; without the wall it would be 5 mm behind it."""
+    """At a high pressure; without the wall it would be 3 to 5 mm further."""
     scene = dtc.load_scene(name)
     free = replace(scene, robot=replace(scene.robot, obstacles=()))
     places = []
@@ -28,7 +28,7 @@ def test_the_tube_rests_on_its_wall(name):
         found = dtc.equilibrium(model, 12e3)
         assert found.success
         places.append(np.array(model.poses(found.q, found.theta)[1])[1, -1])
-    assert places[0] > -0.0615 and places[1] < -0.065
+    assert places[0] > -0.063 and places[1] < places[0] - 0.003
 
 
 def tips(discrete, x: np.ndarray) -> np.ndarray:
