@@ -3,6 +3,7 @@
 import re
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import casadi as ca
 
@@ -58,7 +59,8 @@ class Factored:
     def __init__(self, matrix: ca.SX | ca.MX, *, native: bool):
         self.matrix, self.size = ca.densify(matrix), matrix.shape[0]
         self._unrolled = isinstance(matrix, ca.SX)
-        self.native, self.factors = native and not self._unrolled, None
+        self.native = native and not self._unrolled
+        self.factors: Any = None
         if self._unrolled:
             self.factors = lu(self.matrix)
         elif native and self.size:

@@ -96,11 +96,9 @@ def rims_of(g: Graphs) -> Rims | None:
         columns.append(ca.vertcat(*(part for pair in pairs for part in pair)))
     values = [ca.horzcat(*R), ca.horzcat(*r), ca.horzcat(*columns)]
     values = [ca.densify(chain.asm.expression(value)) for value in values]
-    functions = (
-        ca.Function(name, [g.q, g.theta], values[:n], {"cse": True})
-        for name, n in (("places", 3), ("rim_poses", 2))
-    )
-    return Rims(found, *functions)
+    ports = [g.q, g.theta]
+    places = ca.Function("places", ports, values, {"cse": True})
+    return Rims(found, places, ca.Function("rim_poses", ports, values[:2], {"cse": True}))
 
 
 @dataclass(frozen=True)
@@ -202,8 +200,10 @@ def impulses(plant: Plant, at: At) -> Impulses:
     loss = ca.dot(p, u_f + ca.mtimes(J, v)) / 2
     work = loss - ca.dot(p, ca.mtimes(J, change)) / 2
     shift = at.zeros(n)
+    gaps_at = gaps(rims.candidates, native=plant.native)
     for _ in range(_PROJECTIONS):
-        left = gaps(rims.candidates, native=plant.native)(*rims.poses(q + shift, at.theta), who)
+        R, r = rims.poses(q + shift, at.theta)
+        left = gaps_at(R, r, who)
         room = ca.mtimes(normal, ca.fmin(left, _CLOSE))
         lifted = lift(J, room, at.zeros(m), who, 1)[1]
         shift = shift + ca.vertsplit(lifted, [0, n, n + n_z])[0]
