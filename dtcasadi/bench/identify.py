@@ -55,7 +55,7 @@ def run(options: argparse.Namespace, report: "Report") -> None:
 
     compiler = find_compiler()
     report.section(
-        "identify", "six parameters of a tentacle from gauge, two inertial chips, camera"
+        "identify", f"six parameters from {options.duration:g} s at {1 / SPACING_S:g} Hz"
     )
     report.note(compiler=compiler.version if compiler else None, duration_s=options.duration)
     report.line(
