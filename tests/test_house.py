@@ -161,3 +161,8 @@ def test_the_changelog_has_a_current_section(project):
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     sections = re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)
     assert sections and sections[0] in ("Unreleased", project["project"]["version"])
+
+
+def test_committed_results_name_no_place_of_a_machine():
+    for file in sorted((ROOT / "benchmarks" / "results").glob("*.json")):
+        assert not re.search(r'"/\w[^"]*"', file.read_text(encoding="utf-8")), file.name
