@@ -33,6 +33,8 @@ _WHY = {
     Stop.NEWTON: "the Newton iteration of the step did not converge",
     Stop.SINGULAR: "the mass matrix lost its condition",
 }
+# The slack of a step with contact is the defect of its cones, not of a Newton iteration.
+_CONTACT = "the impulses of the step's contacts were not found"
 
 
 @dataclass(frozen=True)
@@ -233,14 +235,17 @@ class Advance:
         singular = chart_limit(model, self.x)
         if singular:
             hint = f"{singular}; try chart='cardan' with damping='physical'"
+        elif why is Stop.NEWTON and name == "moreau":
+            hint = "try a smaller step or fewer rim points"
         elif why is Stop.NEWTON:
             hint = "try a smaller step or an adaptive method"
         elif name in ("rodas4", "ros2", "ros3"):
             hint = "try tighter tolerances, or look at the forces there"
         else:
             hint = "try a smaller step, or method rodas4 if the scene is stiff"
+        reason = _CONTACT if why is Stop.NEWTON and name == "moreau" else _WHY[why]
         return (
-            f"{name}: {_WHY[why]} after t = {self.t:.6g} s (step {h:.2g} s, {where} moves "
+            f"{name}: {reason} after t = {self.t:.6g} s (step {h:.2g} s, {where} moves "
             f"fastest); {hint}"
         )
 
