@@ -27,15 +27,18 @@ def pinned() -> Iterator[None]:
 def timed(run: Callable[[], None], feed: Callable[[int], None], n: int) -> np.ndarray:
     """Seconds of each of n runs, what it is fed with not counted, after 20 that do not count.
 
+    The least of three in a row, which do the same: what the system puts between is no part of it.
+
     Args:
         run: what is timed.
         feed: prepares the run of a number.
         n: how many.
     """
-    seconds = np.empty(n + 20)
+    seconds = np.full(n + 20, np.inf)
     for k in range(n + 20):
         feed(k)
-        start = time.perf_counter()
-        run()
-        seconds[k] = time.perf_counter() - start
+        for _ in range(3):
+            start = time.perf_counter()
+            run()
+            seconds[k] = min(seconds[k], time.perf_counter() - start)
     return seconds[20:]

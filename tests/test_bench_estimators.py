@@ -12,6 +12,7 @@ from estimators.timing import Case
 FIGURES = {"us_per_step", "tip_rmse_over_length", "force_error", "nees_in_band", "convergence_s"}
 
 
+@pytest.mark.slow
 def test_the_record_has_the_figures_of_every_estimator(tmp_path, monkeypatch):
     errors = {"tip_rmse_over_length": 0.01, "force_error": 0.02}
     names = ("ekf", "ukf", "mhe", "smoother", "spv")
