@@ -107,6 +107,7 @@ def measured(
     """Every point with its marks, and the references by the model's label."""
     from tqdm import tqdm
 
+    from ..errors import BenchError
     from .precision_runs import built, points_of, quasi_static
 
     points: list[Point] = []
@@ -121,9 +122,14 @@ def measured(
     with bar:
         for kind in wanted:
             bar.set_description(kind.label)
-            found = built(scene, kind)
+            try:
+                found, why = built(scene, kind), "its chart cannot hold the start"
+            except BenchError as error:
+                if kind is wanted[0]:
+                    raise
+                found, why = None, str(error)
             if found is None:
-                print(f"  {kind.label}: its chart cannot hold the start", flush=True)
+                print(f"  {kind.label}: {why}", flush=True)
                 bar.update(len(kind.methods))
                 continue
             reference = references[kind.label] = found[2]
