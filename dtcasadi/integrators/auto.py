@@ -26,6 +26,8 @@ MARGIN = 1.25
 # Share of the stability limit from which on it may be what sets explicit steps: a fast mode that
 # hardly decays does so long before the limit on the real axis.
 HIDDEN = 0.2
+# What is left of a run gains nothing from a choice if it is as short as so many steps of rodas4.
+FEW = 80
 # Beyond this many coordinates a Jacobian takes minutes to compile and as long as hundreds of
 # explicit steps to evaluate and factor: `tsit5` throughout.
 LARGE = 100
@@ -59,10 +61,11 @@ def step_ratio(rtol: float) -> float:
 class Auto:
     """`tsit5` where its steps are limited by accuracy, `rodas4` where stability would limit them.
 
-    rodas4 begins; from the size of its steps follows that of tsit5's, unless stability sets them:
-    the largest step it could take beside the fastest decay rate (power iteration on F_x). What goes
-    on is what takes less time for a stretch of the motion. The comparison is repeated at growing
-    intervals. A command that is a function of time goes to SciPy's LSODA.
+    From the size of rodas4's steps follows that of tsit5's, unless stability sets them: the largest
+    step it could take beside the fastest decay rate (power iteration on F_x). What goes on is what
+    takes less time for a stretch of the motion. The comparison is repeated at growing intervals;
+    while tsit5's steps are far from that limit, without a step of rodas4. A command that is a
+    function of time goes to SciPy's LSODA.
     """
 
     name: str = "auto"
@@ -100,9 +103,9 @@ class _Choosing:
 
     def run(self, name: str) -> Trajectory:
         """Piece by piece, stretch by stretch; stretches grow while a method stays the choice."""
-        method, most, failure = IMPLICIT, first_look(self._problem.model.n_q), ""
+        (method, most, why), failure = self._first(), ""
         run, recorder, left = self._advance, self._recorder, most
-        self._uses.append((run.t, method.name, "a first look at the step that accuracy allows"))
+        self._uses.append((run.t, method.name, why))
         for piece in affine(name, self._problem):
             while run.t < piece.t_end and not (failure or recorder.ended):
                 run.h = self._sizes.get(method.name, run.h)
@@ -125,17 +128,43 @@ class _Choosing:
         names = "+".join(dict.fromkeys(used for _, used, _ in self._uses))
         return recorder.finish(f"{name}: {names}", failure, note)
 
+    def _first(self) -> tuple[Package, int, str]:
+        """The method that begins, its steps until the first look, and why.
+
+        Where stability asks for few explicit steps, nothing else can gain much. Else the method
+        begins whose steps up to the look are lost at the least cost if it is the wrong one.
+        """
+        cost, u = cost_ratio(self._problem.model), self._problem.pieces[0](self._advance.t)
+        allowed = self._allowed(u)
+        if self._left(allowed) < FEW * cost:
+            return EXPLICIT, self._stretch, f"explicit stability allows steps of {allowed:.2g} s"
+        why = "a first look at the step that accuracy allows"
+        if cost > 2:
+            return EXPLICIT, LOOK, why
+        return IMPLICIT, first_look(self._problem.model.n_q), why
+
+    def _allowed(self, u: np.ndarray) -> float:
+        """Largest step that is stable for tsit5 here [s]."""
+        return EXPLICIT_REACH / max(_fastest_rate(self._jacobian, self._advance, u), 1e-300)
+
+    def _left(self, step: float) -> float:
+        """Steps of this size to the end of the run."""
+        return (self._problem.pieces[-1].t_end - self._advance.t) / step
+
     def _next(self, method: Package, most: int, u: np.ndarray) -> tuple[Package, int]:
         """The method for the next steps, and how many."""
         run, cost = self._advance, cost_ratio(self._problem.model)
         step = run.h or 0.0
-        growth = self._growth(most) if method is IMPLICIT and most >= LOOK else 1.0
-        if growth > 2:  # too early to compare; where steps cost little more, a look is the dearer
+        growth = self._growth(most) if most >= LOOK else 1.0
+        if growth > 2 and method is IMPLICIT:
+            # too early to compare; where steps cost little more, a look is the dearer
             return IMPLICIT, 2 * most if cost < 2 else most
-        allowed = EXPLICIT_REACH / max(_fastest_rate(self._jacobian, run, u), 1e-300)
+        allowed = self._allowed(u)
         if method is EXPLICIT:
+            if step < HIDDEN * allowed and growth > 2 and most == LOOK:
+                return EXPLICIT, LOOK
             stretch, self._stretch = self._stretch, min(3 * self._stretch, LONGEST)
-            if step < HIDDEN * allowed:
+            if step < HIDDEN * allowed or self._left(step) < FEW * cost:
                 return EXPLICIT, stretch
             # Near its stability limit, an explicit step hides what accuracy would allow: try steps
             # of rodas4 that would be worth it.
@@ -160,7 +189,7 @@ class _Choosing:
             why = f"explicit steps of {allowed:.2g} s are at the stability limit"
             self._uses.append((run.t, IMPLICIT.name, why))
             self._stretch, self._taken = 2 * first_look(self._problem.model.n_q), np.inf
-            return IMPLICIT, LOOK
+            return IMPLICIT, first_look(self._problem.model.n_q)
         return IMPLICIT, min(4 * most, LONGEST)
 
     def _growth(self, most: int) -> float:
