@@ -14,12 +14,15 @@ import casadi as ca
 import numpy as np
 
 from dtcasadi.cli.bench_mpc import _filter_of
+from dtcasadi.files import written
 from ocp.baselines import Said
-from ocp.bench import _figures, case_of, replace_span
+from ocp.bench import _EXACT, _baseline, _figures, _ms, _until, case_of, rti
 from ocp.closed_loop import closed_loop
 from ocp.scenario import Experiment, control_of
 
 RESULT = Path(__file__).parent / "results" / "mpc_peers.json"
+# Of the cost that is compared [s].
+SPAN = 2.0
 
 
 class DoMPC:
@@ -44,9 +47,13 @@ class DoMPC:
         r = s.residual(x, theta, reference)
         cost = ca.dot(ca.DM(s.weight[0]) * r, r)
         mpc.set_objective(mterm=cost, lterm=cost)
-        mpc.set_rterm(u=s.change[0])
+        # It counts changes in units of the scale.
+        mpc.set_rterm(u=s.change[0] * s.upper[0] ** 2)
         mpc.bounds["lower", "_u", "u"], mpc.bounds["upper", "_u", "u"] = s.lower[0], s.upper[0]
         mpc.scaling["_u", "u"] = s.upper[0]
+        # Angles and rates are of order one; what follows them are pressures.
+        moving = sum(n.endswith("_rate") for n in s.discrete.state_names) * 2
+        mpc.scaling["_x", "x"] = np.r_[np.ones(moving), np.resize(s.upper[0], s.n_x - moving)]
         self._theta, self._rows = s.discrete.theta0, s.references(0.0)
         template = mpc.get_tvp_template()
 
@@ -78,35 +85,43 @@ class DoMPC:
 
 
 def main() -> None:
-    """Run it and write the figures."""
+    """Run it beside the real-time iteration and IPOPT, and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path, default=RESULT)
     parser.add_argument("--t-end", type=float, default=16.0)
     options = parser.parse_args()
-    case = case_of("planar", _filter_of)
-    loop = closed_loop(
-        DoMPC(case.found),
-        case.found.plant,
-        case.found.stages,
-        t_end=options.t_end,
-        estimator=case.estimator,
-        measured=control_of(case.scene).measured,
-    )
-    figures: dict[str, Any] = {}
-    if options.t_end >= case.scene.t_end:
-        figures = _figures(case, loop, 1e3 * loop.seconds[1:])
-    figures |= {
-        "median_ms": 1e3 * float(np.median(loop.seconds[1:])),
-        "cost_2_s": replace_span(loop, loop.t <= 2.0 + 1e-9).cost,
-        "violations": loop.violations,
+    case, exact = (case_of("planar", _filter_of, method=name) for name in (None, _EXACT))
+    given = {
+        "estimator": case.estimator,
+        "measured": control_of(case.scene).measured,
+        "t_end": options.t_end,
     }
+    loops = {
+        "do_mpc": closed_loop(DoMPC(case.found), case.found.plant, case.found.stages, **given),
+        "rti": case.run(rti(case.found), options.t_end),
+        "ipopt": _baseline(case, exact, "ipopt", SPAN),
+    }
+    converged = _until(loops["ipopt"], SPAN).cost
+    baselines = {}
+    for name, loop in loops.items():
+        figures: dict[str, Any] = {
+            "median_ms": float(np.median(_ms(loop))),
+            "cost_over_converged": _until(loop, SPAN).cost / converged,
+            "violations": loop.violations,
+        }
+        if float(loop.t[-1]) > 0.99 * case.scene.t_end:
+            figures = _figures(case, loop, _ms(loop)) | figures
+        baselines[name] = figures
     record = {
         "schema": 1,
         "do_mpc": importlib.metadata.version("do-mpc"),
-        "baselines": {"do_mpc": figures},
+        "converged_span_s": SPAN,
+        "baselines": baselines,
     }
-    options.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    print(json.dumps(record, indent=1))
+    text = json.dumps(record, indent=1)
+    with written(options.json) as file:
+        file.write(f"{text}\n".encode())
+    print(text)
 
 
 if __name__ == "__main__":

@@ -33,6 +33,8 @@ _OURS = {"auto": BLUE, "tsit5": VERMILION, "rodas4": GREEN, "radau5": PURPLE, "r
 _OTHERS = {"LSODA": (BLACK, "o"), "DOP853": (BLACK, "^"), "Radau": (BLACK, "s")}
 _OTHERS |= {"cvodes": (SKY, "o"), "idas": (SKY, "s")}
 _SMALLEST = 1e-13
+# Behind a text that a curve may pass.
+_PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 _NEVER = "other solvers are nowhere faster between $10^{-2}$ and $10^{-9}$"
 
 
@@ -57,7 +59,7 @@ def picture(
         PictureError: another suffix.
         OSError: the file cannot be written.
     """
-    figure = new_figure(WIDTH_IN, 7.4, layout="constrained")
+    figure = new_figure(WIDTH_IN, 7.8, layout="constrained")
     (wall, evaluations), (models, agreement) = figure.subplots(2, 2)
     own = [point for point in points if _model(point) == _model(points[0])]
     _methods(wall, own, "wall_s", 1e3)
@@ -138,15 +140,16 @@ def _models(axes: Axes, points: Sequence["Point"]) -> None:
             place = (point.wall_s * 1e3, point.total_error)
             axes.loglog(*place, "*", color=BLACK, markersize=9, label="at rest at every instant")
             axes.loglog(place[0], point.error_end, "*", color=BLACK, mfc="white", markersize=9)
-            axes.annotate("at the end", (place[0], point.error_end), (6, -3), fontsize=7,
-                          textcoords="offset points")  # fmt: skip
+            axes.annotate("at the end", (place[0], point.error_end), (0, -12), fontsize=7,
+                          ha="center", textcoords="offset points", bbox=_PLATE)  # fmt: skip
     for part in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         part(_plain)
     axes.set_xlabel("time to solution with auto [ms]")
     axes.set_ylabel("error against the scene's own model [lengths]")
     axes.set_ylim(_SMALLEST / 3, 3)
     axes.grid(color="#eeeeee", linewidth=0.6)
-    axes.legend(fontsize=7.5, loc="best")
+    # Below: with many models, a corner that no curve passes through is not to be had.
+    axes.legend(fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _plain(value: float, _: float) -> str:
