@@ -12,7 +12,7 @@ from dtcasadi.style import WIDTH_IN, finished, new_figure, styled
 # Scene, its title, and when to show it [s].
 SHOWN = (
     ("wall", "inflating against a wall", (0.5, 2.0)),
-    ("cylinder", "curling round a cylinder", (0.3, 2.5)),
+    ("cylinder", "curling round a cylinder", (0.3, 3.0)),
     ("fold", "folding onto itself", (1.6, 3.0)),
     ("floor", "dragging a payload", (3.6, 8.0)),
 )

@@ -26,7 +26,7 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
     bend *, twist *             rest rotations Rx(a) Ry(b) Rz(c) from the angles [a, b, c]
 
     [[robot.springs]] *
-    discs = [i, i + 1] | "all"  "all": the same springs between every pair of neighbours
+    discs = [first, last] | "all"   the same springs between every two neighbours of them
     at_deg = [90, 180, 270]     a spring at each of these angles, on both rims; or
     start_at_deg, end_at_deg    lists of the angles on disc i and disc i + 1 (diagonal springs); or
     start, end                  two points

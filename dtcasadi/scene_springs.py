@@ -86,11 +86,10 @@ class Strands(NamedTuple):
 
 def read_strands(part: Table, discs: Discs) -> Strands:
     """The keys `discs`, `at` or its siblings, and `radius`."""
-    span = read_span(part, discs.number, "two neighbouring disc numbers")
-    whole = part.peek("discs") == "all"
-    if span and not whole and span[1] != span[0] + 1:
-        part.fault("discs", "neighbours [i, i + 1]", list(span))
-    pairs = None if span is None else [(i, i + 1) for i in range(*span)] if whole else [span]
+    span = read_span(part, discs.number, "the first and the last disc number")
+    if span and not span[0] < span[1]:
+        part.fault("discs", "the first and a later disc", list(span))
+    pairs = None if span is None else [(i, i + 1) for i in range(*span)]
     places = _read_places(part)
     radius = part.number("radius", LENGTH, default=None, positive=True)
     return Strands(part, pairs, places, radius)

@@ -103,6 +103,45 @@ def test_against_every_mode_of_plane_friction(rng):
         assert min(np.max(np.abs(p[at] - each)) for each in exact) < 1e-8
 
 
+def linked(rng: np.random.Generator, m: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points on a circle that inextensible links join: J, W unsymmetric as with follower loads, b.
+
+    Impulses along a link move nothing, so G is singular; gaps that are left keep b out of its
+    range, and the impulses that hold it differ by orders of magnitude.
+    """
+    turn = 0.4 * (np.arange(m) - (m - 1) / 2)
+    out = np.column_stack([np.cos(turn), np.sin(turn)])
+    links = np.zeros((m - 1, 2 * m))
+    for k in range(m - 1):
+        links[k, 2 * k : 2 * k + 4] = np.concatenate([out[k] - out[k + 1], out[k + 1] - out[k]])
+    free = np.linalg.svd(links)[2][m - 1 :].T
+    frames = np.zeros((3 * m, 2 * m))
+    for k in range(m):
+        frames[3 * k, 2 * k : 2 * k + 2] = out[k]
+        frames[3 * k + 2, 2 * k : 2 * k + 2] = -out[k, 1], out[k, 0]
+    J, (A, S) = frames @ free, rng.normal(size=(2, m + 1, m + 1))
+    W = A @ A.T + 0.1 * np.eye(m + 1) + 0.05 * (S - S.T)
+    b = J @ rng.normal(size=m + 1)
+    b[::3] -= rng.random()
+    b = J @ np.linalg.lstsq(J, b, rcond=None)[0]
+    b[::3] += 1e-3 * rng.random(m) * (rng.random(m) < 0.5)
+    return J, W, b
+
+
+def test_contacts_that_links_hold_apart(rng):
+    """Of two points solutions are known by enumeration; the solver finds one wherever there is."""
+    solved = 0
+    for _ in range(40):
+        J, W, b = linked(rng, 2)
+        G, mu = J @ np.linalg.solve(W, J.T), np.full(2, rng.uniform(0.1, 1.2))
+        p, residual = solve_contacts(G, b, mu, np.ones(2))
+        at = np.array([0, 2, 3, 5])
+        if modes(G[np.ix_(at, at)], b[at], mu):
+            assert residual < SOLVED
+            solved += np.any(p > 0)
+    assert solved > 20
+
+
 def L(G: np.ndarray) -> np.ndarray:
     """J with J J^T = G, square."""
     values, vectors = np.linalg.eigh(G)
@@ -133,6 +172,24 @@ def test_c_and_numpy_agree(rng):
         assert reply == pytest.approx(L(G).T @ other, abs=1e-9)
         # Where contacts repeat each other impulses are not unique; the velocities are.
         assert G @ other == pytest.approx(G @ p, abs=1e-7 * np.max(np.abs(G)))
+
+
+@needs_compiler
+def test_c_finds_them_too(rng):
+    """The C kernel and its twin where plain rounds fail."""
+    hard = 0
+    for _ in range(40):
+        J, W, b = linked(rng, 4)
+        mu, wide = np.full(4, rng.uniform(0.1, 1.2)), np.zeros((12, 12))
+        W_wide = np.eye(12)
+        wide[:, :5], W_wide[:5, :5] = J, W
+        p, residual = solve_contacts(J @ np.linalg.solve(W, J.T), b, mu, np.ones(4))
+        found = compiled(4)(W_wide, wide, b, mu, np.ones(4), 1.0)
+        other, _, defect = (np.array(part).ravel() for part in found)
+        assert (defect[0] < SOLVED) == (residual < SOLVED)
+        hard += residual < SOLVED and np.max(p) > 0
+        assert J.T @ other == pytest.approx(J.T @ p, abs=1e-6 * np.max(p, initial=1.0))
+    assert hard > 20
 
 
 def test_contacts_that_repeat_each_other_and_none(rng):

@@ -68,3 +68,40 @@ def test_contact_balances_all_other_forces_at_rest(name):
         given += slope.T @ force
     assert np.abs(needed).max() > 1e-3
     assert np.abs(needed - given).max() < 5e-3 * np.abs(needed).max()
+
+
+@pytest.mark.slow
+def test_the_tube_holds_on_to_the_cylinder():
+    """Weight, contact forces and string balance, all round the cylinder, and nothing creeps.
+
+    Beside poses and contact forces only masses enter: the string's force is the rest of the balance
+    of forces, and has to lie along the string and balance moments. Round-off of 10 N over 0.1 m.
+    """
+    scene = dtc.load_scene("contact/cylinder")
+    run = dtc.simulate(scene, t_end=8.0)
+    R, r = (each[0] for each in run.poses([-1]))
+    discs, contacts = run.model.robot.discs, run.contacts
+    last = contacts.t == run.t[-1]
+    force, place = contacts.force[last], contacts.place[last]
+    down = np.array([0.0, -run.model.robot.gravity, 0.0])
+    weights = [disc.mass * down for disc in discs]
+    centres = [r[k] + R[k] @ disc.centre_of_mass for k, disc in enumerate(discs)]
+    base = r[2]
+    string = -force.sum(axis=0) - sum(weights[2:])
+    assert np.abs(np.cross(string, r[1] - base)).max() < 1e-10
+    on_bead = np.cross(r[1], -string) + np.cross(centres[1], weights[1])  # about the root
+    assert np.abs(on_bead).max() < 1e-10
+    moment = np.cross(place - base, force).sum(axis=0)
+    moment += sum(np.cross(c - base, w) for c, w in zip(centres[2:], weights[2:], strict=True))
+    assert np.abs(moment).max() < 1e-10
+    weight = -sum(weights[2:])[1]
+    assert force.sum(axis=0)[1] == pytest.approx(weight, rel=0.02)  # and the string's bead
+    out = (place - scene.robot.obstacles[0].shape.start) * [0, 1, 1]
+    angles = np.sort(np.degrees(np.arctan2(out[:, 1], out[:, 2])))
+    span = 360 - np.diff(angles, append=angles[0] + 360).max()
+    assert len(angles) >= 10 and span > 300
+    out /= np.linalg.norm(out, axis=1)[:, np.newaxis]
+    across = force - np.sum(force * out, axis=1)[:, np.newaxis] * out
+    assert across[:, 1].sum() > weight  # normals pull down: without friction it would slip
+    _, then = run.poses([np.searchsorted(run.t, 2.0)])
+    assert np.abs(r - then[0]).max() < 1e-12  # 12 000 steps

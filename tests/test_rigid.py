@@ -108,6 +108,7 @@ def test_zeno():
     run = dtc.simulate(swing(0.7), np.zeros(2), t_end=5.0)
     assert run.success and run.steps == 5000
     assert abs(run.qd[0, -1]) < 1e-12
+    assert abs(run.at([4.9995]).qd[0, 0]) < 1e-12  # at rest within a step, too
     peaks = [k for k in range(1, run.steps) if run.qd[0, k] < -0.05 and run.qd[0, k - 1] > 0.05]
     speeds = np.abs(run.qd[0, peaks])
     assert len(speeds) > 5

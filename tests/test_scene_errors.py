@@ -91,12 +91,12 @@ length = 1 -> length = 1\nbend_deg = [1, true, 0]
     robot.springs[1].end_at: expected 1 angles, as in start_at, got 2
 + [[robot.springs]]\ndiscs = [1, 2]\nstiffness = 1\nat = [1]\nrest_length = -1
     robot.springs[1].rest_length: expected a finite non-negative number, got -1
-+ [[robot.springs]]\ndiscs = [1, 3]\nstiffness = 1\nat = [1]
-    robot.springs[1].discs: expected neighbours [i, i + 1], got [1, 3]
++ [[robot.springs]]\ndiscs = [3, 1]\nstiffness = 1\nat = [1]
+    robot.springs[1].discs: expected the first and a later disc, got [3, 1]
 + [[robot.springs]]\ndiscs = [3, 4]\nstiffness = 1\nat = [1]
     robot.springs[1].discs: expected disc numbers from 1 to 3, got [3, 4]
 + [[robot.springs]]\ndiscs = "any"\nstiffness = 1\nat = [1]
-    robot.springs[1].discs: expected "all" or two neighbouring disc numbers, got 'any'
+    robot.springs[1].discs: expected "all" or the first and the last disc number, got 'any'
 + [[robot.chambers]]\ndiscs = [2, 2]
     robot.chambers[1].discs: expected first < last, got (2, 2)
 + [[robot.chambers]]\ndiscs = [1, true]

@@ -76,7 +76,7 @@ stiffness = 1
             WALL.replace("stiffness = 1", ""),
             "stiffness: expected a finite non-negative number [",
         ),
-        (WALL.replace('"all"', "[1, 3]"), "discs: expected neighbours [i, i + 1], got [1, 3]"),
+        (WALL.replace('"all"', "[3, 1]"), "discs: expected the first and a later disc, got [3, 1]"),
         (WALL.replace("at_deg = [90]", ""), "at: expected at, or start_at with end_at, or start w"),
         (WALL + "gap = 1", "gap: expected one of kind, discs, "),
         (

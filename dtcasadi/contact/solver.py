@@ -3,7 +3,7 @@
 import numpy as np
 
 # Rounds of Gauss-Seidel sweeps followed by Newton steps: a bound, hardly ever reached.
-ROUNDS, SWEEPS, NEWTON, HALVINGS = 12, 4, 12, 5
+ROUNDS, SWEEPS, NEWTON, HALVINGS = 20, 4, 12, 5
 _RIDGE, _SOLVED, _ENOUGH = 1e-9, 1e-12, 1e-11
 
 
@@ -17,7 +17,9 @@ def solve_contacts(
 
     Gauss-Seidel sweeps, then semismooth Newton steps on the natural map (Alart and Curnier, "A
     mixed formulation for frictional contact problems prone to Newton like solution methods",
-    Comput. Methods Appl. Mech. Eng. 92, 1991), in rounds.
+    Comput. Methods Appl. Mech. Eng. 92, 1991). Where they fail, as with contacts that threads hold
+    apart, whose G is singular, rounds of the same start from proximal points (Rockafellar 1976):
+    solutions with G + eps I and b - eps p for the last such p, eps halved each time.
 
     Args:
         G: shape (3 m, 3 m), rows and columns (normal, two tangents) of each contact.
@@ -29,7 +31,8 @@ def solve_contacts(
         p, shape (3 m,), and the largest defect of the natural map over the largest impulse.
     """
     m = len(mu)
-    ridge = _RIDGE * max(float(np.max(np.diag(G), initial=0.0)), 0.0)
+    top = max(float(np.max(np.diag(G), initial=0.0)), 0.0)
+    ridge = _RIDGE * top
     blocks = [G[3 * s : 3 * s + 3, 3 * s : 3 * s + 3] for s in range(m)]
     normal = np.array([1 / (g[0, 0] + ridge + 1e-300) for g in blocks])
     tangent = np.array(
@@ -44,15 +47,20 @@ def solve_contacts(
         return p, 0.0
     scale = float(np.max(np.abs(B[closing]) * normal[closing, np.newaxis]))
     least = np.inf
-    for _ in range(ROUNDS):
-        p, defect = _newton(G, b, mu, rho, live, _swept(G, b, mu, rho, live, p), ridge, scale)
+    for k in range(ROUNDS):
+        if k > 0:
+            eps = top * 0.5**k
+            soft, off, slower = G + eps * np.eye(3 * m), b - eps * p, 1 / (1 / rho + eps)
+            swept = _swept(soft, off, mu, slower, live, p)
+            p = _in_cone(_newton(soft, off, mu, slower, live, swept, ridge, scale)[0], mu)
+        swept = _swept(G, b, mu, rho, live, p)
+        found, defect = _newton(G, b, mu, rho, live, swept, ridge, scale)
         if defect < least:
-            best, least = p, defect
-        p = _in_cone(best, mu)
-        scale = max(scale, float(p.max()))
+            best, least = _in_cone(found, mu), defect
+        scale = max(scale, float(best.max()))
         if least <= _ENOUGH * scale:
             break
-    return p, least / scale
+    return best, least / scale
 
 
 def _in_cone(p: np.ndarray, mu: np.ndarray) -> np.ndarray:

@@ -67,6 +67,29 @@ class Quintic:
         return rates
 
 
+@dataclass(frozen=True, eq=False)
+class Chord:
+    """Straight lines between the ends of steps through rigid contact.
+
+    The state equation knows nothing of impulses, so it cannot give the curve's slopes there.
+
+    Attributes:
+        t: times of the steps, shape (n,) [s].
+        x: states at the start of each step, and the last, shape (n_x, n).
+        ends: states at the end of each step, shape (n_x, n - 1).
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    ends: np.ndarray
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """States at some times, shape (m,) -> (n_x, m), as those of `Quintic`."""
+        owner = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
+        s = (times - self.t[owner]) / np.diff(self.t)[owner]
+        return (1 - s) * self.x[:, owner] + s * self.ends[:, owner]
+
+
 def _orders(n: int, x: np.ndarray, xdot: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
     """q, qd and qdd with their orders of differentiation."""
     yield from ((x[:n], 0), (x[n : 2 * n], 1), (xdot[n : 2 * n], 2))

@@ -4,9 +4,10 @@ from typing import Protocol
 
 import numpy as np
 
+from ..contact.start import rigid
 from ..events import Passed
 from ..model import Model
-from .dense import Quintic
+from .dense import Chord, Quintic
 from .problem import Problem, Trajectory
 
 
@@ -83,12 +84,17 @@ class Recorder:
         ends = np.concatenate(self._ends).T if self._ends else np.zeros((n_x, 0))
         counts, thetas = zip(*self._thetas, strict=True)
         thetas_all = np.repeat(np.array(thetas).T, counts, axis=1)
+        between = (
+            Chord(t, x, ends)
+            if rigid(self._problem.model)
+            else Quintic(self._problem, t, x, ends, thetas_all)
+        )
         return Trajectory(
             t,
             x,
             ends,
             thetas_all,
-            Quintic(self._problem, t, x, ends, thetas_all),
+            between,
             method,
             failure,
             note,

@@ -3,12 +3,15 @@
    0 <= u_n  _|_  P_n >= 0, and P_t in the disc of radius MU P_n opposing u_t (or u_t = 0).
    LU and PIVOT: factors of W (lu_factor.c). WHO: 0 where there is no contact. ROWS: 3, or 1 for
    normal impulses alone. Gauss-Seidel sweeps, then semismooth Newton steps on the natural map
-   (Alart and Curnier 1991) with a line search, or a jump into the cone where that leads nowhere,
-   over and over until it is solved or ROUNDS are spent; all on arrays of the n contacts there are.
+   (Alart and Curnier 1991) with a line search, or a jump into the cone where that leads nowhere;
+   then, until it is solved or ROUNDS are spent, the same from proximal points: solutions with
+   G + eps I and B - eps P for the last such P, eps halved each time. All on arrays of the n
+   contacts there are.
    RES: largest defect of the natural map over the largest impulse. */
 casadi_real G[ROWS * M * ROWS * M], Y[NW * ROWS * M], T[NV * ROWS * M], b[ROWS * M], p[ROWS * M];
-casadi_real u[ROWS * M], F[ROWS * M], trial[ROWS * M], step[ROWS * M], best[ROWS * M], mu[M];
-casadi_real A[ROWS * M * ROWS * M], rho[2 * M], least = 1e300, defect, scale = 0, top = 0, ridge;
+casadi_real u[ROWS * M], F[ROWS * M], trial[ROWS * M], step[ROWS * M], best[ROWS * M], point[ROWS * M];
+casadi_real found[ROWS * M], A[ROWS * M * ROWS * M], rho[2 * M], stiff[2 * M], mu[M];
+casadi_real least = 1e300, defect, scale = 0, top = 0, ridge, eps;
 casadi_int index[ROWS * M], kind[M], of[M], i, j, k, s, round, sweep, count = 0, n = 0, size;
 for (i = 0; i < 3 * M; ++i) P[i] = 0;
 for (i = 0; i < NW; ++i) DX[i] = 0;
@@ -25,7 +28,7 @@ for (s = 0; s < n; ++s) {
   for (k = 0; k < ROWS; ++k) {
     const casadi_int row = 3 * of[s] + k, at = ROWS * s + k;
     b[at] = B[row];
-    p[at] = best[at] = 0;
+    p[at] = point[at] = found[at] = best[at] = 0;
     for (i = 0; i < NV; ++i) Y[i * size + at] = T[i * size + at] = J[i * 3 * M + row];
     for (i = NV; i < NW; ++i) Y[i * size + at] = 0;
   }
@@ -70,9 +73,21 @@ for (s = 0; s < n; ++s) {
   if (kind[s] && b[at] < 0)
     for (k = 0; k < ROWS; ++k) scale = fmax(scale, fabs(b[at + k]) * rho[2 * s]);
 }
-defect = 1e300;
-for (round = 0; round < ROUNDS && scale > 0; ++round) {
+for (s = 0; s < 2 * n; ++s) stiff[s] = 1 / rho[s];
+for (round = 0, eps = top; round < 2 * ROUNDS - 1 && scale > 0; ++round) {
+  /* Odd rounds find the proximal point that the next one starts from. */
+  const casadi_int prox = round % 2;
+  casadi_real here = 1e300;
   casadi_int newton;
+  if (prox) {
+    eps /= 2;
+    for (i = 0; i < size; ++i) {
+      G[i * size + i] += eps;
+      b[i] -= eps * point[i];
+    }
+  }
+  for (s = 0; s < 2 * n; ++s) rho[s] = 1 / (stiff[s] + (prox ? eps : 0));
+  for (i = 0; i < size; ++i) p[i] = point[i];
   for (i = 0; i < size; ++i) u[i] = b[i];
   for (j = 0; j < size; ++j)
     if (p[j] != 0) for (i = 0; i < size; ++i) u[i] += G[j * size + i] * p[j];
@@ -144,9 +159,9 @@ for (round = 0; round < ROUNDS && scale > 0; ++round) {
       share /= 2;
     }
     for (i = 0; i < size; ++i) p[i] = trial[i];
-    if (defect < least) {
-      least = defect;
-      for (i = 0; i < size; ++i) best[i] = p[i];
+    if (defect < here) {
+      here = defect;
+      for (i = 0; i < size; ++i) found[i] = p[i];
     }
     if (defect <= 1e-12 * scale) break;
     /* Rows of the natural map's derivative for contacts that push or slide. */
@@ -234,19 +249,28 @@ for (round = 0; round < ROUNDS && scale > 0; ++round) {
   }
   /* The best of them, into the cone exactly. */
   for (s = 0; s < n; ++s) {
-    casadi_real *t = p + ROWS * s, length;
-    for (k = 0; k < ROWS; ++k) t[k] = best[ROWS * s + k];
+    casadi_real *t = found + ROWS * s, length;
     t[0] = fmax(t[0], 0);
-    scale = fmax(scale, t[0]);
     if (ROWS > 1) {
       length = sqrt(t[1] * t[1] + t[2] * t[2]);
       if (length > mu[s] * t[0]) for (k = 1; k < 3; ++k) t[k] *= mu[s] * t[0] / length;
-      for (k = 1; k < 3; ++k) scale = fmax(scale, t[k]);
     }
+  }
+  if (prox) {
+    for (i = 0; i < size; ++i) {
+      G[i * size + i] -= eps;
+      b[i] += eps * point[i];
+    }
+    for (i = 0; i < size; ++i) point[i] = found[i];
+    continue;
+  }
+  if (here < least) {
+    least = here;
+    for (i = 0; i < size; ++i) scale = fmax(scale, best[i] = found[i]);
   }
   RES[0] = least / scale;
   if (least <= 1e-11 * scale) break;
 }
-for (s = 0; s < n; ++s) for (k = 0; k < ROWS; ++k) P[3 * of[s] + k] = p[ROWS * s + k];
-for (i = 0; i < NW; ++i) for (j = 0; j < size; ++j) DX[i] += Y[i * size + j] * p[j];
+for (s = 0; s < n; ++s) for (k = 0; k < ROWS; ++k) P[3 * of[s] + k] = best[ROWS * s + k];
+for (i = 0; i < NW; ++i) for (j = 0; j < size; ++j) DX[i] += Y[i * size + j] * best[j];
 }
