@@ -1,4 +1,4 @@
-"""The same chain falling on a floor in MuJoCo, whose contacts are soft constraints."""
+"""The same chain in MuJoCo, whose contacts are soft: it falls on a floor or is pushed along it."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,12 @@ _BALL = 1e-4  # rim points are balls so small, and the floor is lower by as much
 
 
 def dropped(
-    robot: Robot, charts: Sequence[str], x0: np.ndarray, t: np.ndarray, time_constant: float
+    robot: Robot,
+    charts: Sequence[str],
+    x0: np.ndarray,
+    t: np.ndarray,
+    time_constant: float,
+    push: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> np.ndarray:
     """Coordinates at some times, shape (n_q, n): rim points against the robot's one half-space.
 
@@ -25,6 +30,7 @@ def dropped(
         x0: initial q and qd.
         t: times, whole multiples of the step of 0.1 ms [s].
         time_constant: of MuJoCo's contact constraint, critically damped [s].
+        push: force on the last disc's centre of mass [N].
     """
     (obstacle,) = robot.obstacles
     assert isinstance(obstacle.shape, HalfSpace)
@@ -47,6 +53,7 @@ def dropped(
     data = mujoco.MjData(model)
     n = model.nv
     data.qpos[:], data.qvel[:] = x0[:n], x0[n:]
+    data.xfrc_applied[-1, :3] = push
     found = []
     for moment in t:
         while data.time < moment - 5e-5:
