@@ -15,6 +15,7 @@ from .compiler import (
     CXX,
     DEFAULT_FLAGS,
     DEFAULT_TIMEOUT_S,
+    QUICK_FLAGS,
     C,
     Compiler,
     Language,
@@ -32,6 +33,7 @@ __all__ = [
     "DEFAULT_TIMEOUT_S",
     "GENERATOR",
     "PREFIX",
+    "QUICK_FLAGS",
     "Bound",
     "CacheFolder",
     "CacheWarning",
@@ -144,7 +146,10 @@ def compile_functions(
 
 
 def load_library(
-    functions: Mapping[str, ca.Function], source: str, constants: Mapping[str, float]
+    functions: Mapping[str, ca.Function],
+    source: str,
+    constants: Mapping[str, float],
+    flags: Sequence[str] = DEFAULT_FLAGS,
 ) -> ctypes.CDLL | None:
     """Hand-written C compiled in one library with the Functions it calls.
 
@@ -152,6 +157,7 @@ def load_library(
         functions: macro by which the C text calls a Function -> the Function.
         source: C text appended to the generated code.
         constants: numbers the text names as macros.
+        flags: compiler flags.
 
     Returns:
         The library, or None where no working compiler is found (said once per process).
@@ -160,7 +166,7 @@ def load_library(
     lines += [f"#define {macro} {PREFIX}{f.name()}" for macro, f in functions.items()]
     text = "\n".join([c_source(list(functions.values())), *lines, source])
     try:
-        return ctypes.CDLL(str(library_of(text)))
+        return ctypes.CDLL(str(library_of(text, flags=flags)))
     except (CompileError, OSError) as error:
         _say_no_compiler(str(error))
         return None

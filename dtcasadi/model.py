@@ -13,7 +13,7 @@ from .bound import MATRICES, Bound
 from .builders import BUILDERS
 from .charts import Chart, charts_of
 from .checks import choice, shown
-from .compile import twin
+from .compile import DEFAULT_FLAGS, twin
 from .errors import ModelError
 from .forces.inflation import INFLATION
 from .graphs import Graphs, Options
@@ -66,6 +66,7 @@ class Model:
         state_names: one name per state.
         interpreted: Functions that `compiled` leaves to CasADi's virtual machine, where compiling
             would take minutes; with `ode_jacobian`, implicit steps stay there too.
+        flags: compiler flags of whatever is compiled for it.
     """
 
     mass_matrix = _Graph("M(q, theta), shape (n_q, n_q), eq (6).")
@@ -123,6 +124,7 @@ class Model:
         self._functions: dict[str, ca.Function] = {}
         self._compiled: dict[str, ca.Function] = {}
         self.interpreted: set[str] = set()
+        self.flags: tuple[str, ...] = DEFAULT_FLAGS
         self._kept: dict[Hashable, Any] = {}
 
     @property
@@ -190,7 +192,9 @@ class Model:
         if name not in self._compiled:
             function = self.plain(name)
             stays = name in self.interpreted
-            self._compiled[name] = function if stays else twin(function, source=self.native(name))
+            if not stays:
+                function = twin(function, source=self.native(name), flags=self.flags)
+            self._compiled[name] = function
         function = self._compiled[name]
         ports = MATRICES.intersection(function.name_out())
         return Bound(function, matrices=ports, name=name)

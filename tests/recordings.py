@@ -1,11 +1,15 @@
 """Recorded motions with noise of a linear model in steps, and scenes with sensors."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from linear_toy import LinearDiscrete
 
 import dtcasadi as dtc
+from dtcasadi.identify import Experiment, solve
+from dtcasadi.identify.data import gridded
+from dtcasadi.identify.problem import Problem, wanted_of
 from dtcasadi.logs import Log
 from dtcasadi.sampled import Sampled
 
@@ -54,3 +58,26 @@ def toy_log(
 def sensed(scene: dtc.Scene, *sensors: Sampled) -> dtc.Scene:
     """The scene with these sensors."""
     return replace(scene, sensors=sensors)
+
+
+def noisy(clean: Log, noise: Mapping[str, float], seed: int) -> Log:
+    """Readings of silent sensors with white noise, a standard deviation for each sensor."""
+    rng = np.random.default_rng(seed)
+    channels = {
+        name: column + noise.get(name.split(".")[0], 0.0) * rng.normal(size=len(column))
+        for name, column in clean.channels.items()
+    }
+    return replace(clean, channels=channels)
+
+
+def covered(problem: Problem, truth: np.ndarray, logs: Iterable[Log]) -> np.ndarray:
+    """Share of the replications whose intervals hold the truth, by parameter."""
+    wanted, (given,) = wanted_of(problem.discrete, problem.sensors), problem.data
+    hits = []
+    for log in logs:
+        data = gridded(Experiment(log, given.x0, given.sigma), wanted)
+        found = solve(replace(problem, data=(data,)))
+        assert found.success, found.message
+        low, high = found.intervals.T
+        hits.append((low <= truth) & (truth <= high))
+    return np.mean(hits, axis=0)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from linear_toy import LinearDiscrete
-from recordings import sensed, toy, toy_log
+from recordings import covered, noisy, sensed, toy, toy_log
 
 import dtcasadi as dtc
 from dtcasadi.errors import LogError
@@ -88,24 +88,12 @@ def test_a_prior_settles_what_the_data_leave_open():
     assert np.all(np.isfinite(found.sigma)) and len(found.unidentifiable) == 1
 
 
-def covered(problem: Problem, truth: np.ndarray, logs, sigma) -> np.ndarray:
-    """Share of the replications whose intervals hold the truth, by parameter."""
-    wanted = wanted_of(problem.discrete, problem.sensors)
-    hits = []
-    for log in logs:
-        found = solve(replace(problem, data=(gridded(Experiment(log, sigma=sigma), wanted),)))
-        assert found.success, found.message
-        low, high = found.intervals.T
-        hits.append((low <= truth) & (truth <= high))
-    return np.mean(hits, axis=0)
-
-
 def test_intervals_of_a_linear_model_cover_the_truth():
     discrete = toy()
     logs = [toy_log(discrete, THETA, X0, 20, seed=seed) for seed in range(200)]
     problem = build(discrete, [Experiment(logs[0])], ("a", "b"), settings=Settings(nodes=2))
     # 0.95 within 2.6 deviations of a share of 200.
-    assert np.all(np.abs(covered(problem, THETA, logs, None) - 0.95) < 0.04)
+    assert np.all(np.abs(covered(problem, THETA, logs) - 0.95) < 0.04)
 
 
 class Bench(NamedTuple):
@@ -116,7 +104,7 @@ class Bench(NamedTuple):
 
     def log(self, values: Mapping[str, float], seed: int = 0, noise: float = 0.01) -> Log:
         """Readings with noise."""
-        return noisy(self.clean(values), seed, noise)
+        return noisy(self.clean(values), {"tip": noise, "mid": noise}, seed)
 
     def on(self, log: Log) -> Problem:
         """The problem with another log."""
@@ -124,16 +112,6 @@ class Bench(NamedTuple):
         wanted = wanted_of(self.problem.discrete, self.problem.sensors)
         data = gridded(Experiment(log, data.x0, data.sigma), wanted)
         return replace(self.problem, data=(data,), nodes=(node_steps(data.n, 5),))
-
-
-def noisy(clean: Log, seed: int, noise: float) -> Log:
-    """Readings with noise that a silent sensor made."""
-    rng = np.random.default_rng(seed)
-    channels = {
-        name: column + (0 if name == "command1" else noise) * rng.normal(size=len(column))
-        for name, column in clean.channels.items()
-    }
-    return replace(clean, channels=channels)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +129,7 @@ def bench():
     def clean(values):
         return moved(tuple(values.items()))
 
-    log = noisy(clean(TRUE), 0, 0.01)
+    log = noisy(clean(TRUE), {"tip": 0.01, "mid": 0.01}, 0)
     found = dtc.identify(scene, log, tuple(TRUE), settings=Settings(nodes=5))
     return Bench(found.problem, clean)
 
@@ -160,7 +138,7 @@ def bench():
 def test_intervals_of_a_robot_cover_the_truth(bench, count):
     logs = [bench.log(TRUE, seed) for seed in range(count)]
     one = bench.on(logs[0])
-    share = covered(one, np.array([*TRUE.values()]), logs, one.data[0].sigma)
+    share = covered(one, np.array([*TRUE.values()]), logs)
     # Of 20 draws with a chance of 0.95 each, 15 or less come up once in 390.
     assert np.all(share >= (0.9 if count == 200 else 0.8)) and np.all(share <= 1.0)
     assert count < 200 or np.all(share <= 0.99)

@@ -1,6 +1,7 @@
 """The finest model, extrapolated to infinitely many discs, and how far that can be trusted."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from .lab import Lab, distance, range_of
 from .planarity import Planarity, planarity
 
 # Segments of the finest model, at least, and at most where that is not fine enough.
-FINEST, MOST = 8, 32
+FINEST, MOST = 8, 64
 # The reference's own error over the tolerance.
 SHARE = 0.25
 # A tolerance so much tighter shows the error of the integration.
@@ -54,8 +55,9 @@ def reference_of(lab: Lab, tolerance: float) -> Reference:
 
     A beam is cut three times, into m, m / 2 and m / 4 segments; errors go with the square of a
     segment's length, so y* = y_m + (y_m - y_(m/2)) / 3 (Richardson; Hairer, Norsett, Wanner,
-    section II.4), and y* from the coarser pair tells how good that is. Discs that were given are
-    the robot itself: there only the integration has an error.
+    section II.4), and y* from the coarser pair tells how good that is. Where that is not enough m
+    is doubled, and how fast y* settles tells besides (`_left`). Discs that were given are the
+    robot itself: there only the integration has an error.
     """
     scene = lab.scene
     spatial = _spatial_chart(lab)
@@ -85,20 +87,21 @@ def _beam(
     finest: int,
     known: tuple[int, ...],
 ) -> Reference:
-    cuts = [replace(base, n_discs=finest // k + 1) for k in (4, 2, 1)]
-    known = tuple(sorted({*known, *(cut.n_discs for cut in cuts)}))
+    known = tuple(sorted({*known, *(finest // k + 1 for k in (4, 2, 1))}))
+    cuts = [replace(base, n_discs=n) for n in known]
     points = [lab.path(cut).points for cut in cuts]
     bad = next((lab.path(cut).failure for cut in cuts if lab.path(cut).failure), "")
     sizes = tuple(sorted({*known, *(m + 1 for m in _segments(parts, finest))}))
     if bad:
         return Reference(cuts[-1], points[-1], lab.length, np.inf, False, found, sizes, known, bad)
-    coarse, best = (b + (b - a) / 3 for a, b in zip(points, points[1:], strict=False))
+    extrapolated = [b + (b - a) / 3 for a, b in pairwise(points)]
+    best = extrapolated[-1]
     scale = range_of(best, lab.length)
     steps = distance(points[0], lab.path(cuts[0], _TIGHTER).points)
-    uncertainty = (distance(coarse, best) + steps) / scale
+    uncertainty = (_left([distance(a, b) for a, b in pairwise(extrapolated)]) + steps) / scale
     if uncertainty > SHARE * tolerance and 2 * finest <= MOST:
         return _beam(lab, base, found, tolerance, parts, 2 * finest, known)
-    first, second = (distance(a, b) for a, b in zip(points, points[1:], strict=False))
+    first, second = [distance(a, b) for a, b in pairwise(points)][-2:]
     order = np.log2(first / second) if first > 0 and second > 0 else np.nan
     note = (
         f"extrapolated from {', '.join(str(cut.n_discs) for cut in cuts)} discs, observed order "
@@ -106,6 +109,16 @@ def _beam(
     )
     converged = bool(uncertainty <= SHARE * tolerance)
     return Reference(cuts[-1], best, scale, uncertainty, converged, found, sizes, known, note)
+
+
+def _left(gaps: list[float]) -> float:
+    """How far the last of a sequence is from its limit, by the distances from one to the next.
+
+    The last distance; where they fall by a factor f > 2, the rest of a geometric series with that
+    factor, at most the 4 of errors that go with the square of a segment's length.
+    """
+    falls = min(gaps[-2] / gaps[-1], 4.0) if len(gaps) > 1 and gaps[-1] > 0 else 0.0
+    return gaps[-1] / (falls - 1) if falls > 2 else gaps[-1]
 
 
 def _given_discs(lab: Lab, base: Candidate, found: Planarity, tolerance: float) -> Reference:
@@ -123,7 +136,7 @@ def _given_discs(lab: Lab, base: Candidate, found: Planarity, tolerance: float) 
 
 def _segments(parts: int, finest: int) -> list[int]:
     """Numbers of segments to try: whole ones for each part, some 1.4 apart."""
-    tries = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+    tries = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     return [parts * k for k in tries if 1 < parts * k <= finest]
 
 

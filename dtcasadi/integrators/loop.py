@@ -5,7 +5,7 @@ with k the order of the error estimate plus one and err its root mean square ove
 """
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ..bound import Bound
-from ..compile import load_library
+from ..compile import DEFAULT_FLAGS, load_library
 from ..events import NO_GUARDS, Guards
 from .loop_state import LoopState, Stop
 from .loop_twin import twin_loop
@@ -134,11 +134,13 @@ class Work:
         return self._t, self._x
 
 
-def build_loop(step: ca.Function, fallback: Callable[[], ca.Function]) -> Loop:
+def build_loop(
+    step: ca.Function, fallback: Callable[[], ca.Function], flags: Sequence[str] = DEFAULT_FLAGS
+) -> Loop:
     """Compile the loop around a step; without a compiler, its twin around another, built then."""
     source = (files("dtcasadi") / "native" / "adaptive.c").read_text(encoding="utf-8")
     n_x, n_u = step.size1_in("x"), step.size1_in("u")
-    library = load_library({"STEP": step}, source, {"N": n_x, "NU": n_u})
+    library = load_library({"STEP": step}, source, {"N": n_x, "NU": n_u}, flags)
     return Loop(fallback() if library is None else step, library)
 
 

@@ -73,7 +73,7 @@ class Package:
 
             if self.method.a_stable and "ode_jacobian" in model.interpreted:
                 return Loop(step(False), None)
-            return build_loop(step(True), lambda: step(False))
+            return build_loop(step(True), lambda: step(False), model.flags)
 
         return model.once(("loop", self.name), build)
 

@@ -334,7 +334,8 @@ def search_of(model: Model) -> Search:
         native = model.graphs[0]
         functions = {"BALANCE": balance(native), "NEWTON": newton(native), "ABSORB": absorbed()}
         source = (files("dtcasadi") / "native" / "find.c").read_text(encoding="utf-8")
-        library = load_library(functions, source, {"N": model.n_q, "GROUND": GROUND})
+        constants = {"N": model.n_q, "GROUND": GROUND}
+        library = load_library(functions, source, constants, model.flags)
         return Search(model, tuple(functions.values()), library)
 
     return model.once("search", build)
