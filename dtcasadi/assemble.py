@@ -11,6 +11,12 @@ import casadi as ca
 import numpy as np
 
 Tree = Any  # nested tuples of matrices and static values (words, flags)
+Built = tuple[ca.Function, Callable[[list], Tree]]
+
+# Kernels' Functions of all models of this process: models of one robot that differ in size or
+# options share most of them. Emptied when full.
+_SHARED: dict[tuple, Built] = {}
+_MOST_SHARED = 4096
 
 
 def flatten(tree: Tree) -> tuple[list, Callable[[list], Tree]]:
@@ -58,7 +64,7 @@ class Graph:
 
     def __init__(self, prefix: str = "seg"):
         self._prefix = prefix
-        self._built: dict[tuple, tuple[ca.Function, Callable]] = {}
+        self._built: dict[tuple, Built] = {}
 
     def call(self, kernel: Callable, *args: Tree) -> Tree:
         """A call of the kernel's Function; its inputs take over the arguments' sparsity."""
@@ -67,18 +73,26 @@ class Graph:
         shapes = tuple(str(leaf.sparsity().compress()) for leaf in leaves)
         key = (kernel.__module__, kernel.__name__, _static(args), shapes)
         if key not in self._built:
-            self._built[key] = self._build(kernel, leaves, rebuild)
+            self._built[key] = self._shared(kernel, key, leaves, rebuild)
         function, restore = self._built[key]
         if all(isinstance(leaf, ca.DM) for leaf in leaves):  # numbers give numbers
             return restore([ca.sparsify(result) for result in function.call(leaves)])
         results = function.call([ca.MX(leaf) for leaf in leaves])
         return restore(list(results))
 
-    def _build(
-        self, kernel: Callable, leaves: list, rebuild: Callable
-    ) -> tuple[ca.Function, Callable]:
+    def _shared(self, kernel: Callable, key: tuple, leaves: list, rebuild: Callable) -> Built:
+        name = f"{self._prefix}_{kernel.__name__.strip('_')}_{len(self._built)}"
+        if getattr(kernel, "__closure__", None):  # depends on more than its arguments
+            return self._build(name, kernel, leaves, rebuild)
+        if (name, key) not in _SHARED:
+            if len(_SHARED) >= _MOST_SHARED:
+                _SHARED.clear()
+            _SHARED[name, key] = self._build(name, kernel, leaves, rebuild)
+        return _SHARED[name, key]
+
+    @staticmethod
+    def _build(name: str, kernel: Callable, leaves: list, rebuild: Callable) -> Built:
         inputs = [ca.SX.sym(f"a{n}", leaf.sparsity()) for n, leaf in enumerate(leaves)]
         outputs, restore = flatten(kernel(*rebuild(inputs)))
         outputs = [ca.sparsify(ca.SX(out)) for out in outputs]
-        name = f"{self._prefix}_{kernel.__name__.strip('_')}_{len(self._built)}"
         return ca.Function(name, inputs, outputs, {"cse": True}), restore

@@ -4,7 +4,7 @@ import numpy as np
 
 import dtcasadi as dtc
 from dtcasadi.advise.lab import Lab
-from dtcasadi.integrators.auto import LARGE as AUTO_LARGE
+from dtcasadi.compile import QUICK_FLAGS
 from dtcasadi.scene import parse_scene
 
 TUBE = """\
@@ -53,8 +53,7 @@ def tube(**fields) -> dtc.Scene:
 def tip_path(scene: dtc.Scene, times: np.ndarray, **settings) -> np.ndarray:
     """Where the centre of the last section goes, (instants, 3), by `simulate` alone."""
     model = scene.build()
-    if model.n_q > AUTO_LARGE:
-        model.interpreted.add("ode_jacobian")  # compiling it would take longer than the run
+    model.flags = QUICK_FLAGS  # optimising would take longer than the run
     x0, pressure = scene.x0(model), scene.pressure if model.n_u else None
     run = dtc.simulate(model, x0, pressure=pressure, t_end=scene.t_end, **settings)
     assert run.success, run.message
