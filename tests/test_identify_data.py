@@ -46,7 +46,7 @@ def test_rows_out_of_order_are_sorted_and_counted():
     mixed = Log(log.t[order], {n: c[order] for n, c in log.channels.items()}, log.units, "my.csv")
     data, plain = grid(mixed), grid(log)
     np.testing.assert_array_equal(data.y, plain.y)
-    assert data.notes == ("3 rows come after later ones: sorted by time",)
+    assert data.notes == ("3 rows behind later ones: sorted by time",)
 
 
 def test_gaps_are_run_through_and_told():
@@ -57,13 +57,13 @@ def test_gaps_are_run_through_and_told():
     assert data.n == 10 and data.seen.sum() == 5
     # The command before the gap holds through it.
     assert np.all(data.u[2:9, 0] == log.channels["command1"][2])
-    assert data.notes[0].startswith("1 gaps, the longest 0.7 s (rows are 0.1 s apart)")
+    assert data.notes[0].startswith("1 gap, the longest 0.7 s (rows are 0.1 s apart)")
 
 
 def test_rows_off_the_steps_are_told():
     t = log_of().t.copy()
     t[4] += 0.03
-    assert grid(log_of(t=t)).notes[0].startswith("1 rows lie up to 30 ms from the step")
+    assert grid(log_of(t=t)).notes[0].startswith("1 row up to 30 ms away from the step")
 
 
 def test_of_two_readings_in_a_step_the_last_is_used_and_both_are_counted():
@@ -73,7 +73,7 @@ def test_of_two_readings_in_a_step_the_last_is_used_and_both_are_counted():
     data = grid(log)
     assert data.y[5, 0] == log.channels["left.y0"][5] and np.isnan(data.y[4, 0])
     assert data.counts["left.y0"] == (10, 0, 1)
-    assert any(note.startswith("3 readings share a step with a later one") for note in data.notes)
+    assert any(note.startswith("3 readings left out for a later one") for note in data.notes)
 
 
 def test_empty_cells_have_no_weight_and_commands_hold():
@@ -84,7 +84,10 @@ def test_empty_cells_have_no_weight_and_commands_hold():
     data = grid(log_of(command1=column, left__y0=left))
     np.testing.assert_array_equal(data.u[:, 0], [2, 2, 2, 3, 4, 4, 6, 7, 8, 9, 10])
     assert data.counts["left.y0"] == (1, 10, 0)
-    assert data.notes == ("command1 starts 0.2 s late: its first one holds",)
+    assert data.notes == (
+        "cells without a reading, which weigh nothing: left.y0 10",
+        "command1 starts 0.2 s late: its first one holds",
+    )
 
 
 def test_other_channels_and_dead_sensors_are_told():

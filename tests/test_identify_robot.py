@@ -49,6 +49,14 @@ def test_two_parameters_of_the_seed_robot_come_back(found):
     assert np.all((found.intervals[:, 0] < found.values) & (found.values < found.intervals[:, 1]))
 
 
+def test_commands_in_another_unit_are_told(scene, log):
+    channels = {**log.channels, "command1": 1e3 * log.channels["command1"]}
+    found = dtc.identify(scene, replace(log, channels=channels), FREE)
+    assert not found.success and "cannot run from the start" in found.message
+    assert any("commands go up to 1.2e+04, those of the scene to 12" in n for n in found.notes)
+    assert not found.tests.passed and "there are no residuals to test" in found.report()
+
+
 def test_theta_runs_the_model_as_it_was_fitted(scene, found):
     model = found.problem.discrete.model
     pressure = scene.pressure

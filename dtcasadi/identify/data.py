@@ -129,7 +129,7 @@ def gridded(experiment: Experiment, wanted: Wanted) -> Data:
     order = np.argsort(log.t, kind="stable")
     if np.any(np.diff(log.t) < 0):
         late = int(np.sum(log.t < np.maximum.accumulate(log.t)))
-        notes.append(f"{late} rows come after later ones: sorted by time")
+        notes.append(f"{_many(late, 'row')} behind later ones: sorted by time")
     t = log.t[order]
     span = t[-1] - t[0]
     if not span > 0:
@@ -164,16 +164,20 @@ def _spacing(t: np.ndarray, steps: np.ndarray, step_s: float) -> list[str]:
     gaps = apart[apart > _GAP * usual]
     if len(gaps):
         notes.append(
-            f"{len(gaps)} gaps, the longest {gaps.max():.4g} s (rows are {usual:.4g} s apart): the "
-            "model runs on through them"
+            f"{_many(len(gaps), 'gap')}, the longest {gaps.max():.4g} s (rows are {usual:.4g} s "
+            "apart): the model runs on through them"
         )
     off = np.abs(t - t[0] - steps * step_s) / step_s
     if np.any(off > _OFF):
         notes.append(
-            f"{int(np.sum(off > _OFF))} rows lie up to {1e3 * step_s * off.max():.3g} ms from the "
-            "step they are taken for: a smaller step brings them nearer"
+            f"{_many(int(np.sum(off > _OFF)), 'row')} up to {1e3 * step_s * off.max():.3g} ms away "
+            "from the step of the model: a smaller step brings them nearer"
         )
     return notes
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _readings(
@@ -197,11 +201,14 @@ def _readings(
         counts[name] = Count(used, int((~good).sum()), doubled)
         if good.sum() >= _STUCK and np.ptp(column[good]) == 0:
             notes.append(f"{name} never changes: is the sensor alive?")
+    empty = [f"{name} {count.empty}" for name, count in counts.items() if count.empty]
+    if empty:
+        notes.append(f"cells without a reading, which weigh nothing: {', '.join(empty)}")
     doubled = sum(count.doubled for count in counts.values())
     if doubled:
         notes.append(
-            f"{doubled} readings share a step with a later one of their channel and were left out: "
-            "a smaller step uses them"
+            f"{_many(doubled, 'reading')} left out for a later one in the same step: a smaller "
+            "step uses them"
         )
     return y, counts, notes
 

@@ -22,7 +22,7 @@ from .problem import Problem, build, node_steps, wanted_of
 from .result import Identified
 from .settings import Settings, refusal
 from .solve import solve
-from .suspicions import check_units, with_step_error
+from .suspicions import check_units, with_command_notes, with_step_error
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -111,6 +111,8 @@ def identify(
     problem = build(discrete, given, names, **known, settings=settings, spread=spread)
     problem, later = _shortened(problem, share) if share else (problem, ())
     check_units(problem)
+    if isinstance(scene, Scene):
+        problem = with_command_notes(problem, scene.pressure.values)
     problem = replace(problem, build_s=time.perf_counter() - began)
     held_out = [gridded(each, wanted_of(discrete, problem.sensors)) for each in others]
     return with_step_error(solve(problem, held_out=held_out, later=later, progress=progress))

@@ -42,6 +42,8 @@ def parameter_lines(found: Identified) -> list[str]:
 
 def test_lines(tests: ResidualTests) -> list[str]:
     """The residual tests."""
+    if not tests.channels:
+        return [f"  {finding}" for finding in tests.findings]
     lines = [f"  {'channel':16} {'readings':>8} {'rms':>10} {'/ noise':>8} {'p(white)':>9}  unit"]
     for each in tests.channels:
         lines.append(

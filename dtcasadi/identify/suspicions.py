@@ -28,6 +28,8 @@ _FACTORS = {
 }
 _NEAR = 1.5
 _CLEAR = 10.0  # model readings smaller than so many standard deviations tell nothing
+# Commands so many times the scene's are told.
+_UNUSUAL = 50.0
 # Of the error of the steps over the noise, beyond which it shows in the residuals.
 VISIBLE = 0.2
 _MOST_STEPS = 1000
@@ -66,6 +68,27 @@ def check_units(problem: Problem) -> None:
                         f"the model's at the start, got {words} that ({given:.3g} {unit}): is the "
                         "unit in the header right?"
                     )
+
+
+def with_command_notes(problem: Problem, usual: np.ndarray) -> Problem:
+    """The problem with a note on commands of another size than usual: is it their unit?
+
+    Args:
+        problem: its data have commands, shape (n + 1, n_u).
+        usual: commands of the scene, shape (n_u, m), or nothing.
+    """
+    size = float(np.max(np.abs(usual), initial=0.0))
+    noted = []
+    for data in problem.data:
+        given = float(np.max(np.abs(data.u), initial=0.0))
+        if size and given and not 1 / _UNUSUAL < given / size < _UNUSUAL:
+            note = (
+                f"commands go up to {given:.3g}, those of the scene to {size:.3g}: is the unit in "
+                "the header right?"
+            )
+            data = replace(data, notes=(*data.notes, note))
+        noted.append(data)
+    return replace(problem, data=tuple(noted))
 
 
 def with_step_error(found: Identified) -> Identified:

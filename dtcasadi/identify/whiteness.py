@@ -81,6 +81,8 @@ def residual_tests(
         r: all residuals in standard deviations, decorrelated, shape (m,).
         fitted: how many numbers were fitted to them.
     """
+    if not len(r):
+        return ResidualTests(0.0, 0, 1.0, 1.0, (), False, ("there are no residuals to test",))
     channels = [
         _channel(k, names[k], units[k], sigma, residuals)
         for k in range(len(names))
