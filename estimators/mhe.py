@@ -64,13 +64,14 @@ class MHE:
         + |y_k - h(z_k, u_k)|^2_{R^{-1}},\quad z_{k+1} = f(z_k, u_k) + w_k,\quad lo \le z_k \le up
 
     All steps are decision variables (multiple shooting), linearized where they are. Arrival cost:
-    mean and covariance of the extended Kalman filter that saw what is older than the window, each
-    step linearized at its estimate from a whole window of later readings (Rao, Rawlings, Lee 2001;
-    Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., section 4.3). Without bounds the
-    problem is solved by a Kalman filter forwards and its costates back (`estimators.window`): the
-    work grows with the window's length, nothing is condensed, and P and Q may be singular. Where
-    the result leaves the bounds, a quadratic program in as many unknowns as bounded numbers follows
-    (`estimators.bounds`). On a linear model without bounds it is the Kalman filter.
+    mean and covariance of the extended Kalman filter that saw what is older than the window, its
+    readings linearized where they were predicted, its motion at the estimate from a whole window of
+    later readings (Rao, Rawlings, Lee 2001; Rawlings, Mayne, Diehl, Model Predictive Control, 2nd
+    ed., section 4.3). Without bounds the problem is solved by a Kalman filter forwards and its
+    costates back (`estimators.window`): the work grows with the window's length, nothing is
+    condensed, and P and Q may be singular. Where the result leaves the bounds, a quadratic program
+    in as many unknowns as bounded numbers follows (`estimators.bounds`). On a linear model without
+    bounds it is the Kalman filter.
 
     Verbs and arguments are those of `EKF`, which predicts and gates. P of an estimate is that of
     the problem without bounds. Bounds hold after each update with a finite reading, not in between.
@@ -133,7 +134,7 @@ class MHE:
         setting = Setting(discrete, layout.free, Q, *pushed_by(discrete, noise))
         sensors = discrete.together(tuple(discrete.sensors))
         self._R = np.array(sensors.R_v)
-        self._output = Bound(twin(sensors.output)) if self._caution else None
+        self._output = Bound(twin(sensors.output))
         pair = stage(setting, sensors)
         self._stage = Bound(twin(pair.plain, source=pair.native), matrices=_MATRICES)
         ends = np.cumsum([0, *(s.n_y for s in discrete.sensors.values())])
@@ -158,9 +159,7 @@ class MHE:
             return _own(found.replaced(window=self._fresh(found), active=0))
         window = found.window
         if len(window) > self._steps:
-            m, P, u_first = window.mean - window.z[0], window.P, window.u[0]
-            none = np.zeros(window.y.shape[1])
-            first = self._at(window, 0, m, P, u_first, found.theta, none)
+            first = self._first(window, found.theta)
             if first.status[0] != 0 or not _finite(first.follow, first.P_next):
                 return _own(found.replaced(window=self._fresh(found), active=0))
             window = window.later(first.follow, first.P_next)
@@ -206,6 +205,25 @@ class MHE:
         found = {"x": z[: len(est.x)], "P": step.P, "theta": theta, "window": window}
         return _own(filtered.replaced(active=step.active, residual=step.residual, **found))
 
+    def _first(self, window: Window, theta: np.ndarray) -> Any:
+        """What `stage.stage` gives at the first step of a window, which is going to leave it.
+
+        Its readings are linearized where they were predicted. The estimate of the whole window has
+        seen them: derivatives there go with their noise, a bias that adds up step by step to more
+        than the covariance says. Only where the prediction was so far off that linearizing leaves
+        out more than the noise, the whole window's estimate is taken.
+        """
+        z, ahead, mean, P = window.z[0], window.predicted[0], window.mean, window.P
+        u, none = window.u[0], np.zeros(window.y.shape[1])
+        early = replace(window, z=window.predicted)
+        read = self._at(early, 0, mean - ahead, P, u, theta, none)
+        left_out = self._beyond(ahead, z - ahead, window.u_read[0], read.H, theta) ** 2
+        near = left_out <= np.diag(self._R) / window.count[0]
+        if np.all(near | ~np.isfinite(window.y[0])) and _finite(read.d, read.P_d):
+            mean, P = ahead + read.d, read.P_d
+            window = replace(window, y=np.full_like(window.y, np.nan))
+        return self._at(window, 0, mean - z, P, u, theta, none)
+
     def _improved(self, window: Window, theta: np.ndarray) -> _Step | str:
         """A Gauss-Newton step on a window, or why there is none."""
         passed = self._cautious(window, theta)
@@ -237,17 +255,20 @@ class MHE:
         return passed
 
     def _left_out(self, window: Window, passed: Passed, theta: np.ndarray) -> np.ndarray:
-        """h(z + d) - h(z) - H d of every step, shape (k + 1, n_y)."""
-        assert self._output is not None
-        n, found, d = len(self.discrete.state_names), [], backwards(passed).d
-        for z, change, u, H in zip(window.z, d, window.u_read, passed.H, strict=True):
-            ends = []
-            for at in (z, z + change):
-                own = theta.copy()
-                own[self._free] = at[n:]
-                ends.append(self._output(at[:n], u, own))
-            found.append(ends[1] - ends[0] - H @ change)
-        return np.array(found)
+        """What linearizing the readings of every step leaves out, shape (k + 1, n_y)."""
+        parts = zip(window.z, backwards(passed).d, window.u_read, passed.H, strict=True)
+        return np.array([self._beyond(*part, theta) for part in parts])
+
+    def _beyond(
+        self, z: np.ndarray, d: np.ndarray, u: np.ndarray, H: np.ndarray, theta: np.ndarray
+    ) -> np.ndarray:
+        """h(z + d) - h(z) - H d, shape (n_y,)."""
+        n, ends = len(self.discrete.state_names), []
+        for at in (z, z + d):
+            own = theta.copy()
+            own[self._free] = at[n:]
+            ends.append(self._output(at[:n], u, own))
+        return np.asarray(ends[1] - ends[0] - H @ d)
 
     def _passed(self, window: Window, theta: np.ndarray, raised: np.ndarray) -> Passed | str:
         """The filter's pass over a window, or why there is none."""

@@ -26,6 +26,7 @@ class Window:
 
     Attributes:
         z: estimates of (x; the estimated entries of theta), shape (k + 1, n_z).
+        predicted: the same before the readings of their step and of later ones.
         mean: of the first, from all that is older, shape (n_z,).
         P: its covariance.
         u: commands of the steps between, shape (k, n_u).
@@ -35,6 +36,7 @@ class Window:
     """
 
     z: np.ndarray
+    predicted: np.ndarray
     mean: np.ndarray
     P: np.ndarray
     u: np.ndarray
@@ -50,8 +52,8 @@ class Window:
     @classmethod
     def starting(cls, z: np.ndarray, P: np.ndarray, n_u: int, n_y: int) -> Window:
         """One step, without readings."""
-        none, once = np.full((1, n_y), np.nan), np.ones((1, n_y))
-        return cls(z[np.newaxis], z, P, np.zeros((0, n_u)), np.zeros((1, n_u)), none, once)
+        none, once, path = np.full((1, n_y), np.nan), np.ones((1, n_y)), z[np.newaxis]
+        return cls(path, path, z, P, np.zeros((0, n_u)), np.zeros((1, n_u)), none, once)
 
     def __len__(self) -> int:
         """Number of steps in it."""
@@ -62,6 +64,7 @@ class Window:
         return replace(
             self,
             z=np.vstack([self.z, z]),
+            predicted=np.vstack([self.predicted, z]),
             u=np.vstack([self.u, u]),
             u_read=np.vstack([self.u_read, u]),
             y=np.vstack([self.y, np.full(self.y.shape[1], np.nan)]),
@@ -70,7 +73,8 @@ class Window:
 
     def later(self, mean: np.ndarray, P: np.ndarray) -> Window:
         """Without its first step, of whose end mean and covariance are known."""
-        kept = {name: getattr(self, name)[1:] for name in ("z", "u", "u_read", "y", "count")}
+        steps = ("z", "predicted", "u", "u_read", "y", "count")
+        kept = {name: getattr(self, name)[1:] for name in steps}
         return replace(self, mean=mean, P=P, **kept)
 
     def reading(self, y: np.ndarray, place: np.ndarray, u: np.ndarray) -> Window:
