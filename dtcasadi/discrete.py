@@ -12,6 +12,8 @@ import numpy as np
 from . import checks
 from .bound import MATRICES, Bound
 from .compile import twin
+from .contact.start import rigid
+from .contact.stepping import TIME_STEPPING
 from .errors import ModelError
 from .integrators import SYMPLECTIC
 from .integrators.package import SLACK_MAX
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from .model import Model
     from .sampled import Sampled, Sensors
 
+_METHOD = "sdirk2"
 # Squares of states above this overflow soon; a state that is not finite fails the same comparison.
 _HUGE = 1e300
 # Of a step that is linearized, whose user reckons with errors: the last Newton correction's share.
@@ -146,7 +149,7 @@ class DiscreteModel:
 def discretize(
     model: Model,
     step_s: float,
-    method: str,
+    method: str | None,
     *,
     exact: bool,
     sensors: Sensors = (),
@@ -157,23 +160,27 @@ def discretize(
     Args:
         model: the model.
         step_s: step [s].
-        method: a name of `dtcasadi.integrators.ONE_STEP`.
+        method: a name of `dtcasadi.integrators.ONE_STEP`; None: as in `Model.discrete`.
         exact: whether `linearize` gives exact derivatives.
         sensors: what is measured.
         slack_max: a last Newton correction above this share of the stages is a failed step.
 
     Raises:
-        ModelError: an unknown method, or a step that is not positive.
+        ModelError: an unknown method, or one that the robot's contacts or constraints do not go
+            with, or a step that is not positive.
     """
     step_s = checks.number("step_s", step_s, positive=True, error=_error)
     if model.actuator.dead_time:
         expected = "lags from 1 on for a model in steps, whose state has to hold the commands"
         raise _error("delay.lags", f"{expected} on their way", 0)
+    method = method or (TIME_STEPPING if rigid(model) else _METHOD)
     if method not in ONE_STEP:
         raise _error("method", f"one of {', '.join(ONE_STEP)}", repr(method))
     chosen = ONE_STEP[method]
     if model.robot.constraints and method in SYMPLECTIC:
         raise _error("method", "one that keeps constraints, such as sdirk2", repr(method))
+    if rigid(model) and method != TIME_STEPPING:
+        raise _error("method", f"{TIME_STEPPING}, as the robot has rigid contact", repr(method))
     layout = layout_of(model, sensors)
     sources, functions = (
         _functions(chosen, plant, step_s, slack_max, layout, exact=exact)

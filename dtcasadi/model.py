@@ -200,13 +200,19 @@ class Model:
         return Bound(function, matrices=ports, name=name)
 
     def discrete(
-        self, step_s: float, *, method: str = "sdirk2", exact: bool = True, sensors: Sensors = ()
+        self,
+        step_s: float,
+        *,
+        method: str | None = None,
+        exact: bool = True,
+        sensors: Sensors = (),
     ) -> "DiscreteModel":
         """The model in steps of a fixed size, for estimators, controllers and C export.
 
         Args:
             step_s: step [s].
-            method: a name of `dtcasadi.integrators.ONE_STEP`; the default is L-stable, order 2.
+            method: a name of `dtcasadi.integrators.ONE_STEP`; default: `sdirk2`, L-stable and of
+                order 2, or `moreau` with rigid contact.
             exact: exact derivatives in `linearize`, or the method's cheaper form.
             sensors: what is measured, values of `dtcasadi.sensors`.
 

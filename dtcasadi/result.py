@@ -129,8 +129,9 @@ class Run:
     def at(self, times: Sequence[float] | np.ndarray) -> "Run":
         """The same run seen at other times (dense output): t, x, u and thetas there.
 
-        This package's methods: quintic Hermite in q between the steps, error O(h^6); SciPy's: their
-        own interpolants. Each state is in the coordinates of the step it is in.
+        This package's methods: quintic Hermite in q between the steps, error O(h^6), and straight
+        lines with rigid contact; SciPy's: their own interpolants. Each state is in the coordinates
+        of the step it is in.
 
         Raises:
             SimulationError: times that do not increase, or outside the run.
@@ -183,7 +184,8 @@ class Run:
 
         `np.load` reads them back: the fields of this class, `energy_*` for the balance, and
         `recentrings` with `recentred_segments`, one row per re-centring padded with zeros;
-        `events` [s] with `event_names`.
+        `events` [s] with `event_names`; `contact_*` for the columns of `contacts` of a robot that
+        something can touch.
 
         Raises:
             OSError: the file cannot be written; an older one is left as it was.
@@ -197,6 +199,8 @@ class Run:
         arrays["events"] = np.array([event.t for event in self.events])
         arrays["event_names"] = np.array([event.name for event in self.events], dtype=str)
         arrays["recentrings"] = np.array([time for time, _ in self.recentrings])
+        if self.model.robot.obstacles or self.touched is not None:
+            arrays |= {f"contact_{name}": column for name, column in vars(self.contacts).items()}
         width = max((len(segments) for _, segments in self.recentrings), default=0)
         rows = [segments + (0,) * (width - len(segments)) for _, segments in self.recentrings]
         arrays["recentred_segments"] = np.array(rows, dtype=int)

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from . import checks
+from .contact.detect import candidates_of
 from .errors import ModelError
 from .kernels.axes import cross
 from .robot import Robot
@@ -77,6 +78,13 @@ class IMU(Sampled):
         super().__post_init__()
         rotation = checks.rotation("orientation", self.orientation, error=self._refuse)
         self._set(position=self._point("position", self.position), orientation=rotation)
+
+    def check(self, robot: Robot) -> None:
+        """Raise ModelError if the robot lacks the disc, or feels impulses instead of forces."""
+        super().check(robot)
+        if candidates_of(robot) is not None:
+            expected = "obstacles with a penetration, as it would feel impulses without"
+            raise self._refuse("robot", expected, "rigid contact")
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:

@@ -13,6 +13,7 @@ from .commands import CommandLike, command_pieces, sampled
 from .constraints.examine import on_constraints
 from .contact.report import touched
 from .contact.start import free_start, rigid
+from .contact.stepping import TIME_STEPPING
 from .errors import ChartError, SimulationError
 from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
@@ -31,7 +32,6 @@ _PATIENCE_S = 1.0
 _LEAST = 1e-9
 # Of rigid contact, where no step is given [s].
 _STEP_S = 1e-3
-TIME_STEPPING = "moreau"
 
 
 def simulate(

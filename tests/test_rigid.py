@@ -13,13 +13,16 @@ from oracles import cases
 from oracles.cases import error, numbers
 
 import dtcasadi as dtc
+from dtcasadi.cli.common import Report
+from dtcasadi.cli.running import health
 from dtcasadi.contact import Plates
 from dtcasadi.contact.kernels import detection
 from dtcasadi.contact.report import stepped
 from dtcasadi.contact.shapes import towards
 from dtcasadi.contact.start import rims
-from dtcasadi.errors import RobotError, SimulationError, StaticsError
+from dtcasadi.errors import ModelError, RobotError, SimulationError, StaticsError, SweepError
 from dtcasadi.rim import circle, rim_points
+from dtcasadi.sensors import IMU
 
 G, RADIUS = 9.81, 0.1
 SLOW = pytest.mark.slow
@@ -116,6 +119,20 @@ def test_zeno():
     ratios = speeds[1:] / speeds[:-1]
     assert np.all(np.abs(ratios - 0.7) < 3 * G * 1e-3 / speeds[1:])
     assert run.touched.loss.max() <= 0
+
+
+def test_contacts_in_files_and_reports(tmp_path, capsys):
+    run = dtc.simulate(swing(0.0, friction=0.0), np.zeros(2), t_end=0.5)
+    saved = np.load(run.save(tmp_path / "run"))
+    touched = saved["contact_t"] == run.t[-1]
+    assert set(saved["contact_disc"]) == {2} and set(saved["contact_obstacle"]) == {1}
+    # The weight's lever is longer by the radius times the sine of the angle, whose sine is 0.3.
+    expected = G * (1 + RADIUS * np.tan(np.arcsin(0.3)))
+    assert saved["contact_force"][touched][0] == pytest.approx([0, expected, 0], rel=1e-6)
+    health(run, Report("simulate"))
+    text = capsys.readouterr().out
+    assert "steps, of discs 2: forces up to" in text and "friction cones to" in text
+    assert "thread tension" not in text
 
 
 def tumbling(n: int = 3, **options: Any) -> dtc.Model:
@@ -316,6 +333,21 @@ def test_without_contact_the_method_is_implicit_euler():
             "method: expected moreau or auto, as the scene has rigid contact",
         ),
         (lambda: dtc.equilibrium(swing(0.0)), StaticsError, "expected compliant contact"),
+        (
+            lambda: swing(0.0).discrete(1e-3, method="ros2"),
+            ModelError,
+            "method: expected moreau, as the robot has rigid contact, got 'ros2'",
+        ),
+        (
+            lambda: swing(0.0).discrete(1e-3, sensors=(IMU(name="chip", disc=2, noise=1),)),
+            ModelError,
+            "robot: expected obstacles with a penetration, as it would feel impulses without",
+        ),
+        (
+            lambda: dtc.sweep("contact/wall", {"pressure.scale": [1.0]}, step_s=1e-3),
+            SweepError,
+            "step_s: expected none, so that each run finds its own impulses",
+        ),
         (lambda: Plates(restitution=1.5), RobotError, "restitution: expected a number from 0 to 1"),
         (
             lambda: dtc.Obstacle(dtc.Sphere((0, 0, 0), 1), restitution=-1),

@@ -40,8 +40,8 @@ ROWS = (
 
 def method_choices() -> tuple[str, ...]:
     """Methods in the order of the map's columns; `moreau` is for rigid contact, in none of them."""
+    from ..contact.stepping import TIME_STEPPING
     from ..integrators import ONE_STEP
-    from ..simulate import TIME_STEPPING
 
     return (*SOLVERS, *(name for name in ONE_STEP if name != TIME_STEPPING))
 

@@ -141,16 +141,45 @@ def health(run: "Run", report: Report) -> None:
         condition_min=run.condition.min(),
         condition_max=run.condition.max(),
     )
-    lowest, segment, moment = _lowest_tension(run)
-    report.line(
-        "lowest thread tension: {tension_N:.4g} N, in thread {tension_thread} at "
-        "{tension_s:.3g} s{tension_remark}",
-        tension_N=lowest,
-        tension_thread=segment,
-        tension_s=moment,
-        tension_remark=" (negative: a real thread would go slack)" if lowest < 0 else "",
-    )
+    if run.touched is None:  # impulses have no part in the equation of tensions
+        lowest, segment, moment = _lowest_tension(run)
+        report.line(
+            "lowest thread tension: {tension_N:.4g} N, in thread {tension_thread} at "
+            "{tension_s:.3g} s{tension_remark}",
+            tension_N=lowest,
+            tension_thread=segment,
+            tension_s=moment,
+            tension_remark=" (negative: a real thread would go slack)" if lowest < 0 else "",
+        )
+    _touches(run, report)
     report.line("charts re-centred {recentrings} times", recentrings=len(run.recentrings))
+
+
+def _touches(run: "Run", report: Report) -> None:
+    """What touched how hard, of a robot that something can touch."""
+    import numpy as np
+
+    if not run.model.robot.obstacles and run.touched is None:
+        return
+    contacts = run.contacts
+    force, gap = np.linalg.norm(contacts.force, axis=1), contacts.gap
+    report.line(
+        "contact in {contact_times} of {contact_samples} steps, of discs {contact_discs}: forces "
+        "up to {contact_N:.4g} N, at most {penetration_m:.1e} m deep",
+        contact_times=len(np.unique(contacts.t)),
+        contact_samples=len(run.t),
+        contact_discs=", ".join(map(str, np.unique(contacts.disc))) or "none",
+        contact_N=force.max(initial=0.0),
+        penetration_m=-gap.min(initial=0.0),
+    )
+    if run.touched is not None:
+        report.line(
+            "impulses: work {impulses_J:.3g} J, friction cones to {cone_defect:.1e}; projections: "
+            "work {projections_J:.3g} J",
+            impulses_J=run.touched.work[-1],
+            cone_defect=run.touched.defect,
+            projections_J=run.touched.projected[-1],
+        )
 
 
 def _outcome(run: "Run") -> str:

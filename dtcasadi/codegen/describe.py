@@ -42,7 +42,7 @@ DEFAULT = (
     "recentre",
 )
 # L-stable and of order 2: no stiffness of the robot limits the step, as firmware needs it.
-STEP_METHOD, STEP_S = "sdirk2", 0.01
+STEP_S = 0.01
 # Newton's last correction stalls at round-off times the condition of the stage equations, about
 # 1e-7 times 1e2 in the regular charts; the step's own result is better than that by as much.
 SLACK_MAX_SINGLE = 1e-4
@@ -74,7 +74,7 @@ def described(
             `DEFAULT`, without `recentre` where the model never re-centres and without `forces`
             and `contacts` where it has none.
         method: of `step` and `linearize`; default: the scene's where it is a one-step method with
-            a fixed step, else `STEP_METHOD`.
+            a fixed step, else the default of `Model.discrete`.
         step_s: their step [s]; default: the scene's, else `STEP_S`.
         single: what is described will run in single precision.
         calls: a model's Functions as calls of per-segment ones, whose structure texts show.
@@ -147,7 +147,7 @@ def _discrete(
     return discretize(
         model,
         STEP_S if step_s is None else step_s,
-        method or STEP_METHOD,
+        method,
         exact=True,
         slack_max=SLACK_MAX_SINGLE if single else SLACK_MAX,
     )

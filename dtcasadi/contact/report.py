@@ -42,11 +42,11 @@ def stepped(model: "Model") -> Bound:
     """x, u, du, h, theta -> the `Impulses` of a step, compiled once."""
 
     def build() -> ca.Function:
-        from ..integrators.steppers import plant_of, symbols
+        from ..integrators.steppers import plant_in, symbols
 
         found = []
-        for g in model.graphs:
-            plant = for_contact(plant_of(g))
+        for native in (True, False):
+            plant = for_contact(plant_in(model, native=native))
             at = symbols(plant)
             outputs = [ca.densify(part) for part in impulses(plant, at)]
             names = list(at._fields), list(Impulses._fields)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from ..graphs import Graphs
     from ..integrators.step import At, Plant, Sensitivity, Step
 
+TIME_STEPPING = "moreau"
 # An impact is an approach faster than so many changes of velocity by the forces in one step.
 _HITS = 2.0
 _CLOSE = 1e20  # gaps beyond it belong to no contact
@@ -105,7 +106,7 @@ def rims_of(g: Graphs) -> Rims | None:
 class Moreau:
     """The method as a value; see the module."""
 
-    name: str = "moreau"
+    name: str = TIME_STEPPING
     order: int = 1
     error_order: int = 0
     evaluations: int = 1

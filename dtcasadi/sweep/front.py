@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..contact.detect import candidates_of
 from ..errors import SweepError
 from ..integrators import METHODS, ONE_STEP, Problem
 from ..integrators.stability import stability_limit
@@ -179,6 +180,9 @@ def _job(
     known = METHODS if step_s is None else ONE_STEP
     if step_s is not None:
         step_s = checks.number("step_s", step_s, positive=True, error=_error)
+        if candidates_of(scene.robot) is not None:
+            expected = "none, so that each run finds its own impulses: the scene has rigid contact"
+            raise _error("step_s", expected, step_s)
         name = method or (scene.method if scene.method in ONE_STEP else FIXED_METHOD)
     if name not in known:
         raise _error("method", f"one of {', '.join(known)}", checks.shown(name))
