@@ -1,4 +1,4 @@
-"""Rigid contact: rest, sliding, restitution, energy, penetration, cone, Zeno, starts, records."""
+"""Rigid contact: rest, sliding, restitution, energy, penetration, cone, Zeno."""
 
 # mypy: disable-error-code="arg-type"
 # Lists stand for arrays.
@@ -11,20 +11,17 @@ import numpy as np
 import pytest
 from oracles import cases
 from oracles.cases import error, numbers
+from rigid_robots import RADIUS, G, swing
 
 import dtcasadi as dtc
-from dtcasadi.cli.common import Report
-from dtcasadi.cli.running import health
 from dtcasadi.contact import Plates
 from dtcasadi.contact.kernels import detection
 from dtcasadi.contact.report import stepped
 from dtcasadi.contact.shapes import towards
 from dtcasadi.contact.start import rims
-from dtcasadi.errors import ModelError, RobotError, SimulationError, StaticsError, SweepError
+from dtcasadi.errors import SimulationError
 from dtcasadi.rim import circle, rim_points
-from dtcasadi.sensors import IMU
 
-G, RADIUS = 9.81, 0.1
 SLOW = pytest.mark.slow
 # Turns the disc's axis from along the thread to across it: the disc lies flat beside the thread.
 FLAT = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -51,6 +48,7 @@ def rested(steps: int) -> tuple[dtc.Run, float]:
     return run, float(np.linalg.norm(r[1, 1] - r[0, 1]))
 
 
+@SLOW
 def test_at_rest_on_a_slope():
     run, creep = rested(1000)
     assert creep < 1e-9 * RADIUS
@@ -65,6 +63,7 @@ def test_at_rest_for_a_hundred_thousand_steps():
     assert rested(100_000)[1] < 1e-9 * RADIUS
 
 
+@SLOW
 @pytest.mark.parametrize("friction", [0.5])
 def test_sliding_sets_in_at_the_angle_of_friction(friction):
     """0.1 % beyond atan(mu) it slides with g (sin - mu cos), at first along the fall line."""
@@ -74,19 +73,6 @@ def test_sliding_sets_in_at_the_angle_of_friction(friction):
     acceleration = G * (np.sin(angle) - friction * np.cos(angle))
     expected = acceleration * (0.2**2 + 0.2 * 1e-3) / 2  # of the implicit Euler rule
     assert r[1, 1] - r[0, 1] == pytest.approx([-expected, 0, 0], rel=1e-3, abs=1e-3 * expected)
-
-
-def swing(restitution: float, **options: Any) -> dtc.Model:
-    """A disc on a hinge, its rim point nearest to the thread falling on a floor."""
-    disc = dtc.Disc.solid(1.0, RADIUS)
-    floor = dtc.Obstacle(
-        dtc.HalfSpace((0, -0.3, 0), (0, 1, 0)),
-        restitution=restitution,
-        rim_points=1,
-        **options,
-    )
-    robot = dtc.Robot((disc, disc), (dtc.Thread(1.0),), obstacles=(floor,))
-    return dtc.build(robot, chart="hinge")
 
 
 @pytest.mark.parametrize(
@@ -119,20 +105,6 @@ def test_zeno():
     ratios = speeds[1:] / speeds[:-1]
     assert np.all(np.abs(ratios - 0.7) < 3 * G * 1e-3 / speeds[1:])
     assert run.touched.loss.max() <= 0
-
-
-def test_contacts_in_files_and_reports(tmp_path, capsys):
-    run = dtc.simulate(swing(0.0, friction=0.0), np.zeros(2), t_end=0.5)
-    saved = np.load(run.save(tmp_path / "run"))
-    touched = saved["contact_t"] == run.t[-1]
-    assert set(saved["contact_disc"]) == {2} and set(saved["contact_obstacle"]) == {1}
-    # The weight's lever is longer by the radius times the sine of the angle, whose sine is 0.3.
-    expected = G * (1 + RADIUS * np.tan(np.arcsin(0.3)))
-    assert saved["contact_force"][touched][0] == pytest.approx([0, expected, 0], rel=1e-6)
-    health(run, Report("simulate"))
-    text = capsys.readouterr().out
-    assert "steps, of discs 2: forces up to" in text and "friction cones to" in text
-    assert "thread tension" not in text
 
 
 def tumbling(n: int = 3, **options: Any) -> dtc.Model:
@@ -189,12 +161,6 @@ def lowest(run: dtc.Run) -> float:
             places = r[:, k, None] + np.einsum("tij,pj->tpi", R[:, k], points)
             least = min(least, float(np.array(function(places.reshape(-1, 3).T)).min()))
     return least
-
-
-def test_energy_never_grows_through_contact(rng):
-    model = tumbling()
-    for _ in range(3):
-        check_drop(dropped(model, rng))
 
 
 @pytest.mark.slow
@@ -292,26 +258,6 @@ def test_discs_do_not_pass_through_each_other():
     assert not len(without.contacts)
 
 
-def test_starts_inside_are_freed_or_refused():
-    model = swing(0.0)
-    run = dtc.simulate(model, [np.arcsin(0.3) + 0.2, 0.0], t_end=0.1)
-    assert run.success and "moved out of contact by up to 0.2 rad" in run.message
-    assert np.sin(run.q[0].max()) < 0.3 + 1e-9
-    below = dtc.Obstacle(dtc.HalfSpace((0, 1.5, 0), (0, 1, 0)))
-    nowhere = dtc.build(replace(model.robot, obstacles=(below,)), chart="hinge")
-    text = r"got disc 2 .* m inside obstacle 1, and no way out was found"
-    with pytest.raises(SimulationError, match=text):
-        dtc.simulate(nowhere, [0.0, 0.0], t_end=0.1)
-
-
-def test_a_tangled_start_is_pulled_apart():
-    hoop = dtc.Disc.hoop(1.0, 1.0)
-    robot = dtc.Robot((hoop,) * 2, (dtc.Thread(0.5),), plates=Plates(rim_points=8))
-    model = dtc.build(robot, chart="planar")
-    run = dtc.simulate(model, [0.0, -0.6, 0.0, 0.0], t_end=0.05)  # the far rim behind the root
-    assert run.success and "moved out of contact" in run.message
-
-
 def test_without_contact_the_method_is_implicit_euler():
     """x' = v, M v' = f linearized: order one against a converged run."""
     seed = dtc.load_scene("seed_four_disc")
@@ -322,40 +268,3 @@ def test_without_contact_the_method_is_implicit_euler():
         for h in (4e-3, 2e-3)
     ]
     assert off[0] / off[1] == pytest.approx(2, abs=0.2)
-
-
-@pytest.mark.parametrize(
-    ("act", "kind", "text"),
-    [
-        (
-            lambda: dtc.simulate(swing(0.0), [0, 0], t_end=1, method="rodas4"),
-            SimulationError,
-            "method: expected moreau or auto, as the scene has rigid contact",
-        ),
-        (lambda: dtc.equilibrium(swing(0.0)), StaticsError, "expected compliant contact"),
-        (
-            lambda: swing(0.0).discrete(1e-3, method="ros2"),
-            ModelError,
-            "method: expected moreau, as the robot has rigid contact, got 'ros2'",
-        ),
-        (
-            lambda: swing(0.0).discrete(1e-3, sensors=(IMU(name="chip", disc=2, noise=1),)),
-            ModelError,
-            "robot: expected obstacles with a penetration, as it would feel impulses without",
-        ),
-        (
-            lambda: dtc.sweep("contact/wall", {"pressure.scale": [1.0]}, step_s=1e-3),
-            SweepError,
-            "step_s: expected none, so that each run finds its own impulses",
-        ),
-        (lambda: Plates(restitution=1.5), RobotError, "restitution: expected a number from 0 to 1"),
-        (
-            lambda: dtc.Obstacle(dtc.Sphere((0, 0, 0), 1), restitution=-1),
-            RobotError,
-            "restitution: expected a finite non-negative number",
-        ),
-    ],
-)
-def test_what_is_refused(act, kind, text):
-    with pytest.raises(kind, match=text):
-        act()
