@@ -4,7 +4,7 @@ Both run the same kernels with the same recursion (`dtcasadi.chain`). The flat g
 few discs; the call graph's C code hardly grows with their number.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import casadi as ca
@@ -44,6 +44,11 @@ def _static(tree: Tree) -> Tree:
     return tree
 
 
+def _pattern(sparsity: ca.Sparsity) -> Hashable:
+    """A pattern as a key, most often that of a dense matrix."""
+    return sparsity.shape if sparsity.is_dense() else str(sparsity.compress())
+
+
 class Flat:
     """Kernels inlined: every expression is SX."""
 
@@ -70,14 +75,14 @@ class Graph:
         """A call of the kernel's Function; its inputs take over the arguments' sparsity."""
         leaves, rebuild = flatten(args)
         leaves = [ca.sparsify(leaf) if isinstance(leaf, ca.DM) else leaf for leaf in leaves]
-        shapes = tuple(str(leaf.sparsity().compress()) for leaf in leaves)
+        shapes = tuple(_pattern(leaf.sparsity()) for leaf in leaves)
         key = (kernel.__module__, kernel.__name__, _static(args), shapes)
         if key not in self._built:
             self._built[key] = self._shared(kernel, key, leaves, rebuild)
         function, restore = self._built[key]
         if all(isinstance(leaf, ca.DM) for leaf in leaves):  # numbers give numbers
             return restore([ca.sparsify(result) for result in function.call(leaves)])
-        results = function.call([ca.MX(leaf) for leaf in leaves])
+        results = function.call([leaf if type(leaf) is ca.MX else ca.MX(leaf) for leaf in leaves])
         return restore(list(results))
 
     def _shared(self, kernel: Callable, key: tuple, leaves: list, rebuild: Callable) -> Built:

@@ -1,6 +1,7 @@
 """Dense linear solves inside graphs."""
 
 import re
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -11,6 +12,13 @@ from .kernels.axes import ldl, ldl_solve, lu, lu_solve
 
 # Unrolled up to this size; beyond it the C code of an unrolled solve outgrows its gain in speed.
 UNROLLED = 8
+# Operations of C kernels by their sizes, to the leading terms (Golub, Van Loan, chapters 3 and 4).
+_OPERATIONS: dict[str, Callable[..., int]] = {
+    "lu_factor": lambda n: 2 * n**3 // 3,
+    "lu_solve": lambda n, m: 2 * n**2 * m,
+    "solve_spd": lambda n, m: n**3 // 3 + 2 * n**2 * m,
+    "multiply": lambda n, k, m: 2 * n * k * m,
+}
 
 
 def solve_spd(matrix: ca.SX | ca.MX, rhs: ca.SX | ca.MX, *, native: bool) -> ca.SX | ca.MX:
@@ -108,6 +116,18 @@ def native_function(
     # Without jit=False, CasADi would compile the body at once, in the current folder.
     options = {"jit": False}
     return ca.Function.jit(label, body, list(inputs), list(outputs), *shapes, options)
+
+
+def kernel_operations(kernel: ca.Function) -> int:
+    """Additions and multiplications of one call of a `native_function`.
+
+    For kernels without a formula here, whose number depends on the data: the numbers they read.
+    """
+    label, constants = kernel.name(), list[int]()
+    while (parts := label.rpartition("_"))[2].isdigit():
+        label, constants = parts[0], [int(parts[2]), *constants]
+    count = _OPERATIONS.get(label)
+    return count(*constants) if count else int(kernel.nnz_in())
 
 
 @cache

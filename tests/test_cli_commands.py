@@ -197,6 +197,21 @@ def test_operations_count_called_functions_at_every_call():
     assert operations(inner) == 6 and 2 <= calls <= 4  # what is left reads and writes ports
 
 
+def test_operations_count_those_inside_c_kernels():
+    import casadi as ca
+
+    from dtcasadi.bench.dynamics import operations
+    from dtcasadi.linear import Factored, solve_spd
+
+    def solved(native):
+        A, b = ca.MX.sym("A", 30, 30), ca.MX.sym("b", 30, 2)
+        parts = [Factored(A, native=native).solve(b), solve_spd(A, b, native=native)]
+        return ca.Function("solved", [A, b], parts)
+
+    # LU by 2/3 n^3 and Cholesky by 1/3 n^3, then 2 n^2 for each of two right-hand sides, twice.
+    assert operations(solved(True)) == pytest.approx(30**3 + 8 * 30**2, abs=10)
+
+
 def test_time_per_call_is_less_overhead_and_never_negative(monkeypatch):
     import casadi as ca
 

@@ -14,8 +14,8 @@ from ..compile import QUICK_FLAGS
 from ..errors import DtcasadiError
 from ..integrators import ONE_STEP, Package, Problem
 from ..integrators.stability import stability_limit
-from ..integrators.steppers import plant_in, step_function
-from ..model import FLAT_UP_TO, Model
+from ..integrators.steppers import step_in
+from ..model import Model
 from ..profile import Piece
 from ..scene import Scene
 from ..statics import Equilibrium, equilibrium
@@ -74,7 +74,7 @@ class Lab:
     quantity: str
     tolerance: float
     tick: Callable[[str], object] = lambda text: None
-    _models: dict[tuple[Candidate, str], tuple[Scene, Model]] = field(default_factory=dict)
+    _models: dict[Candidate, tuple[Scene, Model]] = field(default_factory=dict)
     _paths: dict[tuple[Candidate, float], Path] = field(default_factory=dict)
 
     @property
@@ -89,27 +89,18 @@ class Lab:
 
     def model(self, candidate: Candidate) -> tuple[Scene, Model]:
         """A candidate's scene and model."""
-        # A graph of calls compiles sooner than the few runs here get slower.
-        return self._model(candidate, "graph")
-
-    def _model(self, candidate: Candidate, assembly: str) -> tuple[Scene, Model]:
-        if candidate.n_discs > FLAT_UP_TO:
-            assembly = "graph"  # as `auto` chooses
-        key = candidate.physics, assembly
+        key = candidate.physics
         if key not in self._models:
-            scene = candidate.physics.scene(self.scene)
-            model = scene.build(assembly=assembly)
+            scene = key.scene(self.scene)
+            # A graph of calls compiles sooner than the few runs here get slower.
+            model = scene.build(assembly="graph")
             model.flags = QUICK_FLAGS
             self._models[key] = scene, model
         return self._models[key]
 
-    def cost(self, candidate: Candidate, name: str) -> int:
-        """Instructions of a Function of a candidate's model, as its scene is built."""
-        return operations(self._model(candidate, "auto")[1].plain(name))
-
     def step_cost(self, candidate: Candidate) -> int:
-        """Instructions of one step of a candidate's method, likewise."""
-        return step_cost(self._model(candidate, "auto")[1], candidate.method)
+        """Instructions of one step of a candidate's method."""
+        return step_cost(self.model(candidate)[1], candidate.method)
 
     @property
     def rtol(self) -> float:
@@ -152,7 +143,7 @@ class Lab:
             return Path(np.full((1, 1, 3), np.nan), trajectory.failure, np.inf, seconds)
         x, thetas = trajectory.at(self.times)
         steps = trajectory.evaluations / formula.evaluations
-        cost = steps * step_cost(self._model(candidate, "auto")[1], formula.name)
+        cost = steps * step_cost(model, formula.name)
         points, aside = self._seen(scene, model, x[: model.n_q], thetas)
         return Path(points, "", cost, seconds, aside)
 
@@ -162,7 +153,7 @@ class Lab:
         if method.a_stable:
             return 1
         # One Jacobian is not worth a compilation.
-        scene, model = self._model(candidate, "graph")
+        scene, model = self.model(candidate)
         model.interpreted.add("ode_jacobian")
         problem = Problem(model, scene.x0(model), model.theta0, self._pieces(scene, model), 1, 1)
         limit = stability_limit(problem, method)
@@ -193,7 +184,7 @@ class Lab:
     def _rests(
         self, scene: Scene, model: Model, candidate: Candidate, pressures: np.ndarray
     ) -> Path:
-        search_of(model)  # compiles, which is no part of a run
+        balance, newton, _ = search_of(model).compiled  # no part of a run
         found: Equilibrium | None = None
         q, thetas, evaluations, start = [], [], 0, time.perf_counter()
         for column in pressures.T:
@@ -206,7 +197,7 @@ class Lab:
             q.append(found.q)
             thetas.append(found.theta)
         seconds = time.perf_counter() - start
-        cost = float(evaluations * self.cost(candidate, "inverse_dynamics_jacobian"))
+        cost = float(evaluations * (operations(balance) + operations(newton)))
         points, aside = self._seen(scene, model, np.array(q).T, np.array(thetas).T)
         return Path(points, "", cost, seconds, aside)
 
@@ -234,7 +225,7 @@ def step_cost(model: Model, method: str) -> int:
     """Instructions of one step of a method."""
 
     def count() -> int:
-        return operations(step_function(ONE_STEP[method], plant_in(model, native=False)))
+        return operations(step_in(model, method, native=True))
 
     return model.once(("step cost", method), count)
 

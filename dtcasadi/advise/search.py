@@ -70,20 +70,35 @@ class Search:
 
     def within(self, found: Measured) -> bool:
         """Whether a candidate keeps the tolerance, the reference's own error included."""
-        spare = self.reference.uncertainty if np.isfinite(self.reference.uncertainty) else 0.0
-        return found.error + spare <= self.tolerance
+        return found.error + self._spare <= self.tolerance
+
+    @property
+    def _spare(self) -> float:
+        """The reference's own error, where it is known."""
+        return self.reference.uncertainty if np.isfinite(self.reference.uncertainty) else 0.0
 
     def run(self) -> Measured | None:
         """The cheapest candidate within the tolerance; None if there is none."""
-        fitting = self._fitting()
-        if self.lab.quantity != "pressure-response":
-            self._at_rest()
-            omissions = sorted(self._omissions(), key=_rank)
-            for candidate in fitting:
-                chosen = self._affordable(candidate, omissions)
-                if not self._hopeless(_without(candidate, chosen)):
-                    self._steps(self._reduced(candidate, chosen))
-            self._cheaper(omissions)
+        for n in self.reference.cuts:
+            self.measure(replace(self._base, n_discs=n))
+        if self.lab.quantity == "pressure-response":
+            next((c for c in self._fitting() if self.within(self.measure(c))), None)
+            return self.best()
+        self._at_rest()
+        omissions = sorted(self._omissions(), key=_rank)
+        kept = 0
+        for candidate in self._fitting():
+            chosen = self._affordable(candidate, omissions)
+            if not self._hopeless(_without(candidate, chosen)):
+                reduced = self._reduced(candidate, chosen)
+                if not self.within(self.measure(reduced)):
+                    continue
+                self._steps(reduced)
+            kept += 1
+            # With little room left for steps, the next size may well be cheaper.
+            if kept == 2 or self._expected(candidate.n_discs) < _ROOMY * self.tolerance:
+                break
+        self._cheaper(omissions)
         return self.best()
 
     def best(self) -> Measured | None:
@@ -103,22 +118,11 @@ class Search:
         fine = [n for n in cuts if n > _COARSE]
         return replace(self._base, n_discs=min(fine, default=cuts[-1]))
 
-    def _fitting(self) -> list[Candidate]:
-        """The least sizes within the tolerance, found from where the cuts expect them."""
-        for n in self.reference.cuts:
-            self.measure(replace(self._base, n_discs=n))
-        sizes, found = self.reference.sizes, []
-        for n in sizes:
-            if self._expected(n) > _HOPE * self.tolerance:
-                continue
-            candidate = replace(self._base, n_discs=n)
-            if self.within(self.measure(candidate)):
-                found.append(candidate)
-            # With little room left for steps, the next size may well be cheaper.
-            roomy = bool(found) and self.measure(found[0]).error < _ROOMY * self.tolerance
-            if roomy or len(found) == 2:
-                break
-        return found
+    def _fitting(self) -> Iterator[Candidate]:
+        """Sizes that are expected within the tolerance, ascending."""
+        for n in self.reference.sizes:
+            if self._expected(n) + self._spare <= self.tolerance:
+                yield replace(self._base, n_discs=n)
 
     def _expected(self, n_discs: int) -> float:
         """Error with a number of discs, between the cuts as a power of the segments' number."""
@@ -192,7 +196,7 @@ class Search:
 
     def _affordable(self, base: Candidate, omissions: list[Omission]) -> list[Omission]:
         """What the error budget allows to leave out, in order."""
-        spent = self.measure(base).error
+        spent = self._expected(base.n_discs)
         chosen: list[Omission] = []
         for one in omissions:
             taken = any(one.kind == other.kind for other in chosen)

@@ -164,8 +164,12 @@ def operations(function: "ca.Function") -> int:
     """Operations of one call, those of the Functions it calls counted at every call."""
     import casadi as ca
 
+    from ..linear import kernel_operations
+
     if function.is_a("SXFunction"):
         return int(function.n_instructions())
+    if function.class_name() == "JitFunction":
+        return kernel_operations(function)
     known: dict[int, int] = {}
     total = 0
     for k in range(function.n_instructions()):

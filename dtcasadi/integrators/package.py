@@ -19,7 +19,7 @@ from .problem import Problem, Trajectory
 from .recorder import Recorder, Sink, segment_of
 from .stability import stability_limit
 from .step import OneStep
-from .steppers import plant_in, step_function
+from .steppers import step_in
 
 # Steps per call of the compiled loop: the progress bar and Ctrl-C wait no longer than this.
 CHUNK = 4096
@@ -69,7 +69,7 @@ class Package:
 
         def build() -> Loop:
             def step(native: bool) -> ca.Function:
-                return step_function(self.method, plant_in(model, native=native))
+                return step_in(model, self.name, native=native)
 
             if self.method.a_stable and "ode_jacobian" in model.interpreted:
                 return Loop(step(False), None)

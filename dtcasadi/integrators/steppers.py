@@ -55,6 +55,12 @@ def plant_in(model: Model, *, native: bool) -> Plant:
     return model.once(("plant", native), lambda: plant_of(g))
 
 
+def step_in(model: Model, name: str, *, native: bool) -> ca.Function:
+    """The step of a method in a model's graphs, likewise."""
+    plant = plant_in(model, native=native)
+    return model.once(("step", name, native), lambda: step_function(ONE_STEP[name], plant))
+
+
 def suited(method: OneStep, plant: Plant) -> Plant:
     """The plant in the form that the method's steps take."""
     contact = isinstance(method, Moreau) and plant.rims is not None
