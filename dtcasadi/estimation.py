@@ -32,7 +32,8 @@ class Estimation:
         contact_from: when it starts [s].
         contact_to: when it ends [s].
         gate: chance that a good measurement is refused; None: no gate.
-        caution: how often the EKF raises the noise by what its linearization leaves out.
+        caution: how often a filter raises the noise of a reading by what its linearization leaves
+            out: of EKF, UKF and MHE.
         seed: of the noise.
         truth_discs: number of discs of the robot that really moves; default: the model's.
         truth_stiffness: how many times stiffer its springs are than the model's.

@@ -29,13 +29,14 @@ def step_cloud(n: int, m: int) -> Bound:
 
 
 def reading_cloud(n: int, m: int, k: int) -> Bound:
-    r"""Y (2 m + 1, k), distance, L (n, m), y (k,), R (k, k) -> change (n,), P (n, n), nis.
+    r"""Y (2 m + 1, k), distance, L (n, m), y (k,), R (k, k) -> change (n,), P (n, n), nis, fit.
 
     Kalman's update by k readings, Joseph's form in the coordinates of the root L:
 
     .. math:: S = D D^T + N N^T,\quad K = L D^T S^{-1},\quad P' = (L - K D)(\cdot)^T + K N (K N)^T
 
-    with D what the root's columns become and N N^T the noise and what is not linear.
+    with D what the root's columns become and N N^T the noise and what is not linear; fit (k,)
+    is what would be read after the change if D told all of it.
 
     Args:
         n: estimated numbers.
@@ -63,12 +64,12 @@ def _reading_cloud(n: int, m: int, k: int, *, native: bool) -> ca.Function:
     mean, rows = _gathered(Y, h, native=native)
     if native:
         ports = {"L": (n, m), "ROWS": rows.shape, "E": (k, 1), "R": (k, k)}
-        results = {"Z": (n, 1), "ROOT": (n, m + k), "BACK": (1, 1)}
+        results = {"Z": (n, 1), "ROOT": (n, m + k), "FIT": (k, 1), "BACK": (1, 1)}
         numbers = {"N": n, "M": m, "K": k}
         kernel = native_function(
             "cloud_update", tuple(ports), tuple(results), ports | results, **numbers
         )
-        change, root, nis = kernel(L, rows, y - mean, R)
+        change, root, fit, nis = kernel(L, rows, y - mean, R)
         P = _gram(root, ca.MX.zeros(n, n), native=True)
     else:
         D, rest = rows[:, :m], rows[:, m:]
@@ -77,9 +78,11 @@ def _reading_cloud(n: int, m: int, k: int, *, native: bool) -> ca.Function:
         solution = ca.solve(ca.densify(S), ca.horzcat(D, y - mean), "ldl")
         K = ca.mtimes(L, solution[:, :m].T)
         change, nis = ca.mtimes(K, y - mean), ca.dot(y - mean, solution[:, m])
+        fit = ca.mtimes(D, ca.mtimes(D.T, solution[:, m]))
         P = _gram(L - ca.mtimes(K, D), ca.mtimes(ca.mtimes(K, noise), K.T), native=False)
     ports = dict(zip(sizes, symbols, strict=True))
-    return _function("reading_cloud", ports, {"change": change, "P": P, "nis": nis})
+    outputs = {"change": change, "P": P, "nis": nis, "fit": mean + fit}
+    return _function("reading_cloud", ports, outputs)
 
 
 def _gathered(Y: ca.MX, h: ca.MX, *, native: bool) -> tuple[ca.MX, ca.MX]:

@@ -19,13 +19,10 @@ from .base import Estimate, ProcessNoise, names_of, refusal
 from .bounds import Bounded, limits_on
 from .ekf import EKF
 from .stage import stage
-from .steps import Setting
+from .steps import Setting, raised_by
 from .window import Passed, Window, backwards, stationarity
 
 WINDOW = 20
-_MOST_NOISE = 1e30
-# Share of a reading's variance that linearizing may leave out without a second look.
-_SMALL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,17 +237,16 @@ class MHE:
 
     def _cautious(self, window: Window, theta: np.ndarray) -> Passed | str:
         """The filter's pass with noise raised by what linearizing leaves out, if asked for."""
-        raised = np.zeros(window.y.shape)
+        raised, read = np.zeros(window.y.shape), np.isfinite(window.y)
         passed = self._passed(window, theta, raised)
         for _ in range(self._caution):
             if isinstance(passed, str):
                 break
-            more = self._left_out(window, passed, theta) ** 2
-            # What is not finite tells nothing: as much noise as a number can stand.
-            more = np.where(more <= _MOST_NOISE, more, _MOST_NOISE)
-            if np.all((more <= _SMALL * np.diag(self._R)) | ~np.isfinite(window.y)):
+            left_out = np.where(read, self._left_out(window, passed, theta), 0.0)
+            more = raised_by(left_out, np.diag(self._R), raised)
+            if more is None:
                 break
-            raised = np.maximum(raised, more)
+            raised = more
             passed = self._passed(window, theta, raised)
         return passed
 

@@ -85,7 +85,7 @@ def _spv(scene: Scene, discrete: DiscreteModel) -> SPV:
 
 def _ukf(scene: Scene, discrete: DiscreteModel) -> UKF:
     """See `UKF`."""
-    return UKF(discrete, **vars(knowledge(scene, discrete)))
+    return UKF(discrete, **vars(knowledge(scene, discrete)), caution=settings(scene).caution)
 
 
 def _mhe(scene: Scene, discrete: DiscreteModel) -> MHE:

@@ -15,7 +15,10 @@ from .covariance import predicted, updated
 OPTIONS = {"cse": True}
 # Without a gate every update is believed; a number, so that C can compare with it.
 NO_LIMIT = 1e300
-_MOST_NOISE = 1e30
+# As much noise as a number can stand, for readings that tell nothing.
+MOST_NOISE = 1e30
+# Share of a reading's variance that linearizing may leave out without a second look.
+SMALL = 0.1
 
 
 class Pair(NamedTuple):
@@ -113,6 +116,21 @@ def limits_of(gate: float | None, n_y: int) -> np.ndarray:
     return limits
 
 
+def raised_by(left_out: np.ndarray, variance: np.ndarray, before: np.ndarray) -> np.ndarray | None:
+    """Noise to add to readings for what linearizing leaves out of them; None: nothing to speak of.
+
+    Args:
+        left_out: h(z + dz) - h(z) - H dz, zero where nothing was read.
+        variance: of the readings.
+        before: noise that was added already.
+    """
+    more = left_out**2
+    if np.all(more <= SMALL * variance):
+        return None
+    # What is not finite tells nothing.
+    return np.maximum(before, np.where(more <= MOST_NOISE, more, MOST_NOISE))
+
+
 def correction(s: Setting, sensor: Sensor, how: Update, name: str) -> Pair:
     """Functions update: x, P, u, theta, y -> x_next, P_next, theta_next, nis, used, believed.
 
@@ -152,7 +170,7 @@ def _correction(s: Setting, sensor: Sensor, how: Update, name: str, *, native: b
         output = sensor.output.call([found.z[: s.n_x], u, parameters(found.z)], True, False)[0]
         left_out = (output - h - ca.mtimes(H, found.z - z)) ** 2
         # What is not finite tells nothing: as much noise as a number can stand.
-        left_out = ca.if_else(left_out <= _MOST_NOISE, left_out, _MOST_NOISE)
+        left_out = ca.if_else(left_out <= MOST_NOISE, left_out, MOST_NOISE)
         raised = ca.fmax(raised, left_out)
         found = updated(z, P, y - h, H, R + ca.diag(raised), unlimited, native=native)
     for _ in range(how.iterations - 1):

@@ -18,7 +18,7 @@ from .augmented import layout_of, noise_of, pushed_by, start_of
 from .base import Estimate, ProcessNoise, chance, names_of, refusal
 from .clouds import reading_cloud, step_cloud
 from .sigma import root_of, spread_out
-from .steps import limits_of
+from .steps import limits_of, raised_by
 
 Many = Callable[..., Any]
 
@@ -49,6 +49,7 @@ class UKF:
         augment: Sequence[str] = (),
         gate: float | None = None,
         distance: float = 3**0.5,
+        caution: int = 0,
         theta: np.ndarray | None = None,
         many: Callable[..., Many] = batch,
     ):
@@ -63,6 +64,10 @@ class UKF:
             gate: chance that a good measurement is refused as an outlier; None: all are believed.
             distance: of the points from the estimate, in standard deviations; the root of 3 gets
                 the fourth moment of a Gaussian right.
+            caution: how often the noise of a measurement is raised by the square of what the line
+                through the points leaves out at the new estimate, and the update done again, as in
+                `EKF`; where that is below a tenth of the noise nothing is done again. Points on the
+                columns of one root do not see all that a wide start bends.
             theta: parameters, shape (n_theta,); default: the model's own.
             many: makes a Function of one point, with a second one in C kernels as `native`, one of
                 many.
@@ -77,6 +82,7 @@ class UKF:
         self._gate = chance(gate)
         distance = checks.number("distance", distance, positive=True, error=refusal)
         self._distance = np.array([distance])
+        self._caution = checks.index("caution", caution, 0, 20, error=refusal)
         Q, noise = noise_of(discrete, layout, augment, Q_w)
         self._Q = Q
         self._push, pushed = pushed_by(discrete, noise)
@@ -145,15 +151,24 @@ class UKF:
             return est.replaced(skipped=skipped, nis=0.0, used=0, believed=True, failure="")
         root, z = root_of(est.P), self._packed(est)
         points = spread_out(z, root, self._distance)
-        given = (points[: len(est.x)], np.asarray(u, dtype=float), self._thetas(est, points))
-        seen = reading.many(*given)
+        u = np.asarray(u, dtype=float)
+        seen = reading.many(points[: len(est.x)], u, self._thetas(est, points))
         if used < len(y):  # as if read without noise of its own, by one that tells nothing
             seen[~kept], y = 0.0, np.where(kept, y, 0.0)
             R = np.where(np.outer(kept, kept), R, np.eye(len(y)))
         m = root.shape[1]
         if m not in reading.clouds:
             reading.clouds[m] = reading_cloud(len(root), m, len(y))
-        change, P, (nis,) = reading.clouds[m](seen.T, self._distance, root, y, R)
+        cloud, given = reading.clouds[m], (seen.T, self._distance, root, y)
+        change, P, (nis,), fit = cloud(*given, R)
+        raised, caution = np.zeros(len(y)), self._caution if nis <= reading.limits[used] else 0
+        for _ in range(caution):
+            left_out = np.where(kept, self._read(reading, est, z + change, u) - fit, 0.0)
+            more = raised_by(left_out, np.diag(R), raised)
+            if more is None:
+                break
+            raised = more
+            change, P, _, fit = cloud(*given, R + np.diag(raised))
         if not math.isfinite(P.sum() + nis):
             failure = f"update with {'+'.join(names)}: the result is not finite"
             return est.failing(failure, skipped=skipped, used=used)
@@ -165,6 +180,11 @@ class UKF:
             theta = est.theta.copy()
             theta[self._free] = z[len(est.x) :]
         return est.replaced(x=z[: len(est.x)], P=P, theta=theta, believed=True, **counts)
+
+    def _read(self, reading: _Reading, est: Estimate, z: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What would be read at z, shape (n_y,)."""
+        point = z[:, np.newaxis]
+        return np.asarray(reading.many(point[: len(est.x)], u, self._thetas(est, point)))[:, 0]
 
     def _packed(self, est: Estimate) -> np.ndarray:
         return np.concatenate([est.x, est.theta[self._free]]) if len(self._free) else est.x

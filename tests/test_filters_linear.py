@@ -23,6 +23,7 @@ ALL: dict[str, Make] = {
 # A window that slides for most of the run, and one that never is full.
 KINDS = ALL | {
     "ukf, near": partial(UKF, many=serial, distance=0.5),
+    "ukf, cautious": partial(UKF, many=serial, caution=2),
     "mhe, long": partial(MHE, window=80),
     "mhe, twice": partial(MHE, window=5, iterations=2),
     "mhe, cautious": partial(MHE, window=5, caution=2),

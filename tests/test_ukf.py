@@ -52,6 +52,8 @@ def test_the_transform_is_the_weighted_sums_of_the_textbook(rng, machine, monkey
     P = root @ root.T - K @ (spread + R) @ K.T
     np.testing.assert_allclose(found.P, P, rtol=0, atol=1e-12)
     assert found.nis[0] == pytest.approx(e @ np.linalg.inv(spread + R) @ e, rel=1e-10)
+    H = cross.T @ np.linalg.inv(root @ root.T)
+    np.testing.assert_allclose(found.fit, mean + H @ K @ e, rtol=0, atol=1e-12)
 
 
 def test_a_root_of_a_semidefinite_covariance():
@@ -60,6 +62,35 @@ def test_a_root_of_a_semidefinite_covariance():
     np.testing.assert_allclose(root @ root.T, L @ L.T, rtol=0, atol=1e-14)
     assert root.shape == (4, 3) and np.sum(np.any(root, axis=0)) == 2
     np.testing.assert_array_equal(root_of(np.zeros((3, 3))), np.zeros((3, 1)))
+
+
+def test_caution_adds_what_the_line_through_the_points_left_out():
+    """An update by hand, with the noise so raised, where a precise reading meets a wide start."""
+    discrete = hanging("planar")
+    n, tip, u, y = len(discrete.state_names), discrete.sensors["tip"], np.zeros(0), [0, 0.2, 0.5]
+    known = {"x0": np.full(n, 0.3), "P0": np.full(n, 0.09), "Q_w": np.zeros(n), "many": serial}
+    bold, once = (UKF(discrete, caution=caution, **known) for caution in (0, 1))
+    first, found = (f.update(f.start, y, "tip", u) for f in (bold, once))
+
+    def read(x: np.ndarray) -> np.ndarray:
+        return tip.output(x, u, discrete.theta0).full()[:, 0]
+
+    h = 3**0.5
+    points = spread_out(np.full(n, 0.3), 0.3 * np.eye(n), h)
+    seen = np.array([read(x) for x in points.T])
+    centre, ahead, behind = seen[0], seen[1 : n + 1], seen[n + 1 :]
+    D, bend = ((ahead - behind) / (2 * h)).T, ((ahead + behind - 2 * centre) / (2 * h)).T
+    delta = bend.sum(axis=1) / h
+    rest = np.column_stack([bend, delta * np.sqrt(2 - min(h**2 / n, 1))])
+    noise = tip.R_v + rest @ rest.T
+    line = centre + delta + D @ (first.x - 0.3) / 0.3
+    left_out = read(first.x) - line
+    assert np.max(np.abs(left_out)) > 3 * np.sqrt(np.diag(tip.R_v))[0]
+    S = D @ D.T + noise + np.diag(left_out**2)
+    change = 0.3 * D.T @ np.linalg.solve(S, np.array(y) - centre - delta)
+    # The compiled readings and factors of values of order 1.
+    np.testing.assert_allclose(found.x, 0.3 + change, rtol=0, atol=1e-10)
+    assert found.nis == first.nis and found.believed
 
 
 def test_a_square_bends_the_mean():

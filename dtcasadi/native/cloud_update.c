@@ -2,7 +2,8 @@
    (N x M) `cloud.c` gave: the first M columns D are linear in the root's, the rest is noise like
    R. With S = D D^T + rest rest^T + R and W = L D^T S^-1, Z (N) = W E, and ROOT (N x (M + K)) holds
    L - W D and W times the Cholesky factor of rest rest^T + R: Joseph's form, ROOT ROOT^T is the
-   covariance that is left. BACK: E^T S^-1 E, not a number where a pivot is not positive. */
+   covariance that is left. FIT (K): D D^T S^-1 E, how far the readings go with Z if they are linear.
+   BACK: E^T S^-1 E, not a number where a pivot is not positive. */
 casadi_real F[2 * K * K], t[K], X[N * K], V[N * K];
 casadi_int c, i, j, l, half;
 for (half = 0; half < 2; ++half) {
@@ -41,6 +42,16 @@ for (half = 0; half < 2; ++half) {
     for (i = 0; i < N; ++i) Z[i] += t[j] * X[N * j + i];
   }
   BACK[0] = nis;
+  for (j = K; j-- > 0;) {
+    for (l = j + 1; l < K; ++l) t[j] -= g[K * j + l] * t[l];
+    t[j] /= g[K * j + j];
+  }
+  for (j = 0; j < K; ++j) FIT[j] = 0;
+  for (c = 0; c < M; ++c) {
+    casadi_real along = 0;
+    for (j = 0; j < K; ++j) along += ROWS[K * c + j] * t[j];
+    for (j = 0; j < K; ++j) FIT[j] += ROWS[K * c + j] * along;
+  }
   for (j = K; j-- > 0;) {
     for (i = 0; i < N; ++i) V[N * j + i] = X[N * j + i];
     for (l = j + 1; l < K; ++l)
