@@ -13,7 +13,9 @@ from swept import scene_of
 import dtcasadi as dtc
 from dtcasadi import cli
 from dtcasadi.advise import planarity
+from dtcasadi.advise.lab import Lab
 from dtcasadi.advise.reference import SHARE
+from dtcasadi.advise.search import Search
 from dtcasadi.errors import AdviseError
 from dtcasadi.statics.search import virtual_search
 
@@ -86,13 +88,21 @@ def test_the_promise_on_a_small_robot(advice):
     # Nothing at half its cost keeps the tolerance: each such candidate against the same truth.
     times = np.linspace(0.0, 1.0, 101)
     exact = tip_path(in_space, times, method="DOP853", rtol=1e-10, atol=1e-12)
-    from dtcasadi.advise.lab import Lab
-
     lab = Lab(given, "tip", 0.02)
     cheap = [m for m in advice.candidates if m.cost <= 0.5 * advice.best.cost and not m.failure]
     for one in cheap:
         path = lab.path(one.candidate).points[:, 0]
         assert distance_over_range(path, exact, lab.length) > 0.02, one
+
+
+@needs_compiler
+@pytest.mark.parametrize("off", [0.03, np.inf])
+def test_a_reference_that_is_off_allows_nothing(advice, off):
+    search = Search(
+        Lab(advice.given, "tip", 0.02), replace(advice.reference, uncertainty=off), 0.02
+    )
+    assert search.run() is None
+    assert len(search.measured) == 1, "nor is anything run in vain"
 
 
 @needs_compiler

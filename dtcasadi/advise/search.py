@@ -70,17 +70,14 @@ class Search:
 
     def within(self, found: Measured) -> bool:
         """Whether a candidate keeps the tolerance, the reference's own error included."""
-        return found.error + self._spare <= self.tolerance
-
-    @property
-    def _spare(self) -> float:
-        """The reference's own error, where it is known."""
-        return self.reference.uncertainty if np.isfinite(self.reference.uncertainty) else 0.0
+        return found.error + self.reference.uncertainty <= self.tolerance
 
     def run(self) -> Measured | None:
         """The cheapest candidate within the tolerance; None if there is none."""
         for n in self.reference.cuts:
             self.measure(replace(self._base, n_discs=n))
+        if self.reference.uncertainty >= self.tolerance:
+            return None  # nothing can be known to keep it
         if self.lab.quantity == "pressure-response":
             next((c for c in self._fitting() if self.within(self.measure(c))), None)
             return self.best()
@@ -121,7 +118,7 @@ class Search:
     def _fitting(self) -> Iterator[Candidate]:
         """Sizes that are expected within the tolerance, ascending."""
         for n in self.reference.sizes:
-            if self._expected(n) + self._spare <= self.tolerance:
+            if self._expected(n) + self.reference.uncertainty <= self.tolerance:
                 yield replace(self._base, n_discs=n)
 
     def _expected(self, n_discs: int) -> float:

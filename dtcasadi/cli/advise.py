@@ -58,8 +58,10 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
 
         report.wrote(picture(advice, png))
     if advice.best is None:
-        known = advice.reference.uncertainty
-        why = "" if advice.reference.converged else f": the reference itself is off by {known:.1g}"
+        known, why = advice.reference.uncertainty, ""
+        if known >= advice.tolerance:
+            off = f"is off by {known:.1g} of the range" if known < float("inf") else "fails"
+            why = f": the reference itself {off}"
         print(f"\nno candidate keeps the tolerance{why}")
         report.list_files()
         return FAILED
