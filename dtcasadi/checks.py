@@ -87,6 +87,33 @@ def row(
     return result
 
 
+def limits(
+    field: str, value: object, n: int | None = None, *, error: Raiser = RobotError
+) -> tuple[np.ndarray, np.ndarray]:
+    """Float arrays (lower, upper), shape (n,), from a pair of them or of numbers; infinite: none.
+
+    Without n each keeps the shape that it has.
+    """
+    expected = "a pair (lower, upper), each one number or one for each entry"
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str) or len(value) != 2:
+        raise error(field, expected, shown(value))
+    try:
+        sides = [np.asarray(side) for side in value]
+        if any(side.dtype.kind not in "fiu" or side.ndim > 1 for side in sides):
+            raise ValueError
+        if _holds_bool(value):
+            raise ValueError
+        lower, upper = (np.asarray(side, dtype=float) for side in sides)
+        if n is not None:
+            lower, upper = np.broadcast_to(lower, n), np.broadcast_to(upper, n)
+        ordered = np.all(lower <= upper)
+    except (ValueError, OverflowError):
+        raise error(field, expected, shown(value)) from None
+    if not ordered:
+        raise error(field, "lower bounds up to the upper ones", shown(value))
+    return lower, upper
+
+
 def neighbours(field: str, value: object, *, error: Raiser = RobotError) -> tuple[int, int]:
     """Numbers (i, i + 1) of two neighbouring discs."""
     if not isinstance(value, Sequence) or len(value) != 2:

@@ -1,6 +1,7 @@
 """What a scene says about estimating its state: what the filter knows, and the truth."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,9 @@ class Estimation:
         gate: chance that a good measurement is refused; None: no gate.
         caution: how often a filter raises the noise of a reading by what its linearization leaves
             out: of EKF, UKF and MHE.
+        bounds: (lower, upper) of what the moving horizon estimator keeps within bounds, each one
+            number or one for each entry, in SI units, by name: of a state (`psi_2`), of an entry of
+            the contact wrench (`wrench[2]`, the force along y) or of all of it (`wrench`).
         seed: of the noise.
         truth_discs: number of discs of the robot that really moves; default: the model's.
         truth_stiffness: how many times stiffer its springs are than the model's.
@@ -59,6 +63,7 @@ class Estimation:
     contact_to: float = 0.0
     gate: float | None = None
     caution: int = 0
+    bounds: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
     truth_discs: int | None = None
     truth_stiffness: float = 1.0
@@ -76,6 +81,8 @@ class Estimation:
             if np.any(row < 0):
                 raise _error(name, "non-negative numbers", checks.shown(row))
             object.__setattr__(self, name, row)
+        for name, pair in self.bounds.items():
+            checks.limits(f"bounds[{name!r}]", pair, error=_error)
         force = checks.array("contact_force", self.contact_force, (3,), error=_error)
         object.__setattr__(self, "contact_force", force)
 

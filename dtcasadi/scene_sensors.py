@@ -13,6 +13,9 @@ Keys marked * may be left out.
     discs = [[i, j], ...], start, end       of lengths: points on discs i and j
 
     [estimation]                fields of `dtcasadi.estimation.Estimation`, step in [s]
+
+    [estimation.bounds] *       of the moving horizon estimator, in SI units, `inf` for none:
+    "wrench[2]" = [0, inf]      name of a state or of an entry of the contact wrench
 """
 
 import re
@@ -20,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from . import checks
 from .errors import ModelError, SceneError
 from .estimation import Estimation
 from .sampled import NAME_PATTERN, Sampled
@@ -143,8 +147,11 @@ def read_estimation(table: Table | None) -> Estimation | None:
     fields["method"] = table.text(
         "method", "the name of a one-step method", str.isidentifier, default=None
     )
+    bounds = table.table("bounds", default=None)
+    if bounds is not None:
+        fields["bounds"] = bounds.named(checks.limits)
     table.close()
-    if not table.sound:
+    if not (table.sound and (bounds is None or bounds.sound)):
         return None
     try:
         return Estimation(**given(fields))

@@ -193,6 +193,15 @@ class Table:
         self.fault(key, expected, checks.shown(content))
         return []
 
+    def named(self, build: Callable[[str, object], Any]) -> dict[str, Any]:
+        """build(key, value) of every key, where keys are names that are not known beforehand."""
+        self._seen.update(self._content)
+        found = {}
+        for key, value in self._content.items():
+            label = key if _BARE_KEY.fullmatch(key) else checks.shown(key)
+            found[key] = self._attempt(build, label, value)
+        return found
+
     def make(self, build: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """build(...), or None when this table has faults or build finds one."""
         return self._attempt(build, *arguments, **options) if self.sound else None

@@ -51,15 +51,7 @@ def limits_on(discrete: Discrete, layout: Layout, bounds: Mapping[str, Any]) -> 
         if not entries:
             raise refusal("bounds", f"names out of {', '.join(layout.names)}", repr(name))
         label = f"bounds[{name!r}]"
-        expected = "a pair (lower, upper), each one number or one for each entry"
-        if isinstance(pair, str) or not hasattr(pair, "__len__") or len(pair) != 2:
-            raise refusal(label, expected, checks.shown(pair))
-        try:
-            sides = [np.broadcast_to(np.asarray(side, dtype=float), len(entries)) for side in pair]
-        except (TypeError, ValueError):
-            raise refusal(label, expected, checks.shown(pair)) from None
-        if not np.all(sides[0] <= sides[1]):
-            raise refusal(label, "lower bounds up to the upper ones", checks.shown(pair))
+        sides = checks.limits(label, pair, len(entries), error=refusal)
         found |= dict(zip(entries, zip(*sides, strict=True), strict=True))
     entry = np.array(sorted(k for k, pair in found.items() if np.any(np.isfinite(pair))), dtype=int)
     lower, upper = np.array([found[k] for k in entry]).reshape(-1, 2).T

@@ -90,7 +90,8 @@ def _ukf(scene: Scene, discrete: DiscreteModel) -> UKF:
 
 def _mhe(scene: Scene, discrete: DiscreteModel) -> MHE:
     """See `MHE`."""
-    return MHE(discrete, **vars(knowledge(scene, discrete)), caution=settings(scene).caution)
+    choice, known = settings(scene), vars(knowledge(scene, discrete))
+    return MHE(discrete, **known, caution=choice.caution, bounds=choice.bounds)
 
 
 # Of the extended Kalman filter, as it is what goes back over its run.

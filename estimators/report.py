@@ -118,8 +118,13 @@ def _counts(name: str, result: Result, report: Report) -> None:
         failed=last.failed,
         recentred=last.recentred,
     )
-    shown = result.force[-1].round(4).tolist()
-    report.line("contact force at the end: {force_N} N", force_N=shown)
+    force = result.force.round(4)
+    report.line(
+        "contact force at the end: {force_N} N; from {force_least_N} to {force_most_N} N",
+        force_N=force[-1].tolist(),
+        force_least_N=force.min(axis=0).tolist(),
+        force_most_N=force.max(axis=0).tolist(),
+    )
 
 
 def _errors(result: Result, tip: Tip, truth: Truth, report: Report) -> None:

@@ -22,6 +22,12 @@ def test_the_shipped_scene_has_what_it_takes():
     assert not scene.estimation.contact(3.5).any()
 
 
+BOUNDS = """
+[estimation.bounds]
+"wrench[2]" = [0, inf]
+"""
+
+
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "small.toml"
@@ -75,6 +81,25 @@ def test_an_unknown_estimator_is_one_line(scene_file, capsys):
     assert "estimator: expected one of ekf, " in capsys.readouterr().err
 
 
+def test_a_force_that_can_only_push_stays_within_the_bounds_of_the_scene(tmp_path, capsys):
+    """It begins to push at 0.2 s; the filter without bounds believes in one that pulls before."""
+    scene, records = tmp_path / "push.toml", {}
+    scene.write_text(WATCHED + BOUNDS)
+    for name in ("ekf", "mhe"):
+        target = tmp_path / f"{name}.json"
+        words = ["--estimator", name, "--json", str(target)]
+        assert main(["estimate", str(scene), *words]) == 0
+        records[name] = json.loads(target.read_text())[name]
+    assert records["ekf"]["force_least_N"][1] < -0.05
+    assert records["mhe"]["force_least_N"][1] >= 0 and records["mhe"]["failed"] == 0
+    # With what is known besides it is not further from the truth.
+    assert records["mhe"]["force_rms_N"] <= records["ekf"]["force_rms_N"]
+    scene.write_text(WATCHED + BOUNDS.replace("wrench[2]", "wrench[9]"))
+    assert main(["estimate", str(scene), "--estimator", "mhe"]) == 2
+    line = capsys.readouterr().err
+    assert "bounds: expected names out of beta_1, psi_1, " in line and "got 'wrench[9]'" in line
+
+
 def test_the_truth_may_be_another_robot_than_the_filters(scene_file):
     text = scene_file.read_text() + "truth_stiffness = 1.15\ntruth_hysteresis = 0.5\n"
     text = text.replace("[run]", SPRINGS + "[run]")
@@ -96,6 +121,10 @@ def test_the_truth_may_be_another_robot_than_the_filters(scene_file):
         ("disc = 2\nnoise", "disc = 9\nnoise", r"sensors\[1\].disc: expected an integer from 1 to"),
         ('"chip"', '"tip"', r"sensors\[2\].name: expected a name of its own"),
         ("step = 0.02", "step = -1", "estimation.step: expected a finite non-negative number"),
+        ("offset", "bounds = 3\noffset", "estimation.bounds: expected a table, got 3"),
+        ("offset", "bounds.psi_1 = 3\noffset", r"bounds.psi_1: expected a pair \(lower, upper\)"),
+        ("offset", "bounds.psi_1 = [true, 1]\noffset", r"bounds.psi_1: .*got \[True, 1\]"),
+        ("offset", "bounds.psi_1 = [1, 0]\noffset", "bounds.psi_1: expected lower bounds up to"),
         ("noise_mm", "nose_mm", r"sensors\[1\].nose_mm: expected one of .*did you mean noise_mm"),
     ],
 )
