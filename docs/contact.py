@@ -13,7 +13,7 @@ from dtcasadi.style import WIDTH_IN, finished, new_figure, styled
 SHOWN = (
     ("wall", "inflating against a wall", (0.5, 2.0)),
     ("cylinder", "curling round a cylinder", (0.3, 3.0)),
-    ("fold", "folding onto itself", (1.6, 3.0)),
+    ("fold", "folding onto itself", (1.6, 2.75)),
     ("floor", "dragging a payload", (3.6, 8.0)),
 )
 PANEL_IN, TITLE_IN, SIGNS_IN = 2.0, 0.45, 0.62

@@ -79,7 +79,7 @@ class RobotArtists:
         for collection in (self.chambers, self.springs, self.discs, self.threads):
             axes.add_collection(collection, autolim=False)
         axes.add_line(self.path)
-        self.pushes = PushArtists(axes, *arrows) if robot.obstacles else None
+        self.pushes = PushArtists(axes, *arrows) if robot.touchable else None
 
     def show(self, shapes: Shapes, pressure: np.ndarray, path: np.ndarray) -> None:
         """Move everything to a pose.
@@ -127,6 +127,7 @@ def legend_handles(robot: Robot) -> dict[str, Line2D | Patch]:
         handles[label] = Patch(color=faded(CHAMBERS[k], 0.5), linewidth=0)
     if robot.obstacles:
         handles["obstacle"] = Patch(facecolor=faded(GREY, 0.25), edgecolor=GREY)
+    if robot.touchable:
         handles["contact force"] = Line2D(
             [], [], color=BLACK, linewidth=0.0, marker=r"$\uparrow$", markersize=9.0
         )

@@ -199,7 +199,7 @@ class Run:
         arrays["events"] = np.array([event.t for event in self.events])
         arrays["event_names"] = np.array([event.name for event in self.events], dtype=str)
         arrays["recentrings"] = np.array([time for time, _ in self.recentrings])
-        if self.model.robot.obstacles or self.touched is not None:
+        if self.model.robot.touchable:
             arrays |= {f"contact_{name}": column for name, column in vars(self.contacts).items()}
         width = max((len(segments) for _, segments in self.recentrings), default=0)
         rows = [segments + (0,) * (width - len(segments)) for _, segments in self.recentrings]

@@ -221,6 +221,11 @@ class Robot:
         return len(self.discs)
 
     @property
+    def touchable(self) -> bool:
+        """Whether its discs may touch an obstacle or each other."""
+        return bool(self.obstacles) or self.plates is not None
+
+    @property
     def weight(self) -> float:
         """Of all discs but the root [N]."""
         return self.gravity * sum(disc.mass for disc in self.discs[1:])

@@ -60,13 +60,13 @@ def draw_obstacles(
 
 
 def pushes(contacts: Contacts, t: float) -> np.ndarray:
-    """Where each obstacle pushes each disc at a time, and the force: shape (n, 2, 3) [m, N].
+    """Where obstacles and plates push each disc at a time, and the force: shape (n, 2, 3) [m, N].
 
     The forces on the points of one rim are drawn as their sum, at their middle.
     """
     now = contacts.t == t
     found = []
-    pairs = np.column_stack([contacts.disc, contacts.obstacle])
+    pairs = np.column_stack([contacts.disc, contacts.obstacle, contacts.plate])
     for pair in np.unique(pairs[now], axis=0):
         mine = now & np.all(pairs == pair, axis=1)
         force = contacts.force[mine]

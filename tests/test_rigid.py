@@ -215,7 +215,7 @@ def test_candidates_against_distances_and_differences(rng, chart):
     for s, number in enumerate(who.astype(int)):
         if number == 0:
             continue
-        disc, obstacle, _ = known.candidates.who[number - 1]
+        disc, obstacle, _, _ = known.candidates.who[number - 1]
         axes = frame[:, s].reshape(3, 3)
         assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
         if not obstacle:

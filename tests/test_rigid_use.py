@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.collections import PolyCollection
 from rigid_robots import RADIUS, G, swing
 
 import dtcasadi as dtc
+from dtcasadi import plots
 from dtcasadi.cli.common import Report
 from dtcasadi.cli.running import health
 from dtcasadi.contact import Plates
@@ -35,6 +37,22 @@ def test_a_tangled_start_is_pulled_apart():
     model = dtc.build(robot, chart="planar")
     run = dtc.simulate(model, [0.0, -0.6, 0.0, 0.0], t_end=0.05)  # the far rim behind the root
     assert run.success and "moved out of contact" in run.message
+
+
+def test_discs_that_touch_each_other_are_named_and_drawn():
+    """They fall together: a rim point of one pushes the other's plate away."""
+    hoop = dtc.Disc.hoop(1.0, 1.0)
+    robot = dtc.Robot((hoop,) * 2, (dtc.Thread(0.5),), plates=Plates(rim_points=8), up=(0, 0, 1))
+    model = dtc.build(robot, chart="planar")
+    run = dtc.simulate(model, [0.0, 0.1, 0.0, -1.0], t_end=0.6)
+    contacts = run.contacts
+    assert set(zip(contacts.disc, contacts.plate, strict=True)) <= {(1, 2), (2, 1)}
+    assert set(contacts.obstacle) == {0}
+    figure = plots.filmstrip(run, times=[contacts.t[0]])
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "contact force" in labels and "obstacle" not in labels
+    arrows = [c for c in figure.axes[0].collections if isinstance(c, PolyCollection)]
+    assert any(len(c.get_paths()) == 1 and c.get_zorder() == 5 for c in arrows)
 
 
 def test_contacts_in_files_and_reports(tmp_path, capsys):

@@ -159,7 +159,7 @@ def _touches(run: "Run", report: Report) -> None:
     """What touched how hard, of a robot that something can touch."""
     import numpy as np
 
-    if not run.model.robot.obstacles and run.touched is None:
+    if not run.model.robot.touchable:
         return
     contacts = run.contacts
     force, gap = np.linalg.norm(contacts.force, axis=1), contacts.gap

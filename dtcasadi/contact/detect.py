@@ -29,7 +29,8 @@ class Candidates:
         points: in their discs' frames, shape (C, 3) [m].
         table: disc from 0, kind, and number of the shape or disc from 0, shape (C, 3).
         friction: shape (C,).
-        who: disc, obstacle (0: a disc's plate) and rim point, from 1, shape (C, 3).
+        who: disc, obstacle (0: a disc's plate), rim point and the plate's disc (0: an obstacle),
+            from 1, shape (C, 4).
         shapes: numbers of each obstacle, shape (n, 16).
         plates: centre x, y, z, radius and half the thickness of each disc, shape (N, 5) [m];
             negative where others are to be pulled to the sides on which the chain has them.
@@ -75,7 +76,7 @@ def candidates_of(robot: "Robot") -> Candidates | None:
         for disc in obstacle.touching(robot.n_discs):
             points = rim_points(robot.discs[disc - 1], obstacle.rim_points)
             for n, point in enumerate(points, 1):
-                rows.append((point, (disc - 1, kind, k), obstacle.friction, (disc, k + 1, n)))
+                rows.append((point, (disc - 1, kind, k), obstacle.friction, (disc, k + 1, n, 0)))
     plates = robot.plates
     if plates is not None:
         for a in range(robot.n_discs):
@@ -83,7 +84,7 @@ def candidates_of(robot: "Robot") -> Candidates | None:
             for b in range(robot.n_discs):
                 for n, point in enumerate(points, 1):
                     if a != b:
-                        rows.append((point, (a, PLATE, b), plates.friction, (a + 1, 0, n)))
+                        rows.append((point, (a, PLATE, b), plates.friction, (a + 1, 0, n, b + 1)))
     if not rows:
         return None
     points, table, friction, who = (np.array(column) for column in zip(*rows, strict=True))

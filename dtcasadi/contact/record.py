@@ -19,6 +19,7 @@ class Contacts:
         disc: number of the disc, shape (n,).
         obstacle: number of the obstacle from 1; 0: the plate of another disc; shape (n,).
         point: number of the rim point from 1, shape (n,).
+        plate: number of the disc whose plate it touches; 0: an obstacle; shape (n,).
         place: where, in the root's frame, shape (n, 3) [m].
         force: on the disc, in the root's frame, shape (n, 3) [N].
         gap: signed distance, shape (n,) [m].
@@ -28,6 +29,7 @@ class Contacts:
     disc: np.ndarray
     obstacle: np.ndarray
     point: np.ndarray
+    plate: np.ndarray
     place: np.ndarray
     force: np.ndarray
     gap: np.ndarray
@@ -105,6 +107,7 @@ def _compliant(run: "Run") -> Contacts:
         disc=disc,
         obstacle=obstacle,
         point=point,
+        plate=np.zeros_like(point),
         place=place[at, :, which],
         force=force[at, :, which],
         gap=gap.reshape(steps, n)[at, which],

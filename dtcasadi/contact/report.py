@@ -88,13 +88,14 @@ def touched(model: "Model", trajectory: "Trajectory", command: np.ndarray) -> To
             axes = frame[:, s].reshape(3, 3)
             force = p[3 * s : 3 * s + 3] @ axes / h
             rows.append((t[k + 1], *who[int(which[s]) - 1], place[:, s].copy(), force, gap[s]))
-    columns = list(zip(*rows, strict=True)) or [()] * 7
-    when, disc, obstacle, point, places, forces, gaps = columns
+    columns = list(zip(*rows, strict=True)) or [()] * 8
+    when, disc, obstacle, point, plate, places, forces, gaps = columns
     contacts = Contacts(
         t=np.array(when, dtype=float),
         disc=np.array(disc, dtype=int),
         obstacle=np.array(obstacle, dtype=int),
         point=np.array(point, dtype=int),
+        plate=np.array(plate, dtype=int),
         place=np.array(places, dtype=float).reshape(-1, 3),
         force=np.array(forces, dtype=float).reshape(-1, 3),
         gap=np.array(gaps, dtype=float),

@@ -60,8 +60,8 @@ def free_start(model: "Model", x: np.ndarray, theta: np.ndarray) -> tuple[np.nda
     else:
         near = _nearest(known, found, q, theta)
         worst = int(np.argmin(near.gap))
-        disc, obstacle, _ = known.candidates.who[int(near.who[worst]) - 1]
-        inside = f"obstacle {obstacle}" if obstacle else "another disc"
+        disc, obstacle, _, plate = known.candidates.who[int(near.who[worst]) - 1]
+        inside = f"obstacle {obstacle}" if obstacle else f"disc {plate}"
         raise SimulationError(
             f"x0: expected a pose outside the obstacles, got disc {disc} {-near.gap[worst]:.3g} m "
             f"inside {inside}, and no way out was found"
