@@ -253,7 +253,7 @@ class Search:
         for n in hoped[-2:]:
             self.measure(_without(replace(self._base, n_discs=n), applied, winner))
         for one in omissions:
-            if one not in applied and one.effect <= _HOPE * self.tolerance:
+            if one not in applied and best.error + one.effect <= _HOPE * self.tolerance:
                 self.measure(one.apply(winner))
 
 
