@@ -70,13 +70,20 @@ def written(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> dict[
 
 def test_the_record_has_the_figures_of_every_estimator(tmp_path, monkeypatch, capsys):
     shares = dict.fromkeys(NAMES - {"smoother"}, 0.95)
-    monkeypatch.setattr(benchmark, "consistency", lambda runs, steps: shares)
+    monkeypatch.setattr(benchmark, "consistency", lambda choices, runs, steps: shares)
     monkeypatch.setattr(timing, "Case", Quick)
     record = written(tmp_path, monkeypatch)
     checked(record)
+    one = written(tmp_path, monkeypatch, "--estimator", "ukf")["estimators"]
+    assert one == {"ukf": record["estimators"]["ukf"]}
     assert record["estimators"]["smoother"]["us_per_step"] == 102.0
     printed = capsys.readouterr().out
     assert all(name in printed for name in NAMES)
+
+
+def test_an_unknown_estimator_is_one_line(capsys):
+    assert main(["bench", "estimators", "--estimator", "magic"]) == 2
+    assert "estimator: expected one of ekf, " in capsys.readouterr().err
 
 
 def test_the_published_record_is_of_this_form():

@@ -5,6 +5,7 @@ and of the smoother's way back of calls from Python.
 """
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,9 @@ _TITLES = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the benchmark."""
+    parser.add_argument(
+        "--estimator", metavar="NAME", default="all", help="which one, or all (default: all)"
+    )
     parser.add_argument("--runs", type=count, default=100, metavar="N", help="Monte Carlo runs")
     parser.add_argument("--steps", type=count, default=200, metavar="N", help="steps of each")
     parser.add_argument(
@@ -40,16 +44,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, report: "Report") -> None:
     """Measure."""
     from estimators.benchmark import consistency, convergence, mismatch
-    from estimators.registry import ESTIMATORS
+    from estimators.registry import chosen
     from estimators.timing import Case
 
     from ..compiler import find_compiler
     from .common import check_target
 
+    choices = chosen(options.estimator)
     if options.png:
         check_target(Path(options.png))
     compiler = find_compiler()
-    choices = dict(ESTIMATORS)
     report.section("time", "time of a step: the paper's four-disc robot, twelve measurements")
     report.note(compiler=compiler.version if compiler else None)
     case = Case(options.chart)
@@ -68,10 +72,16 @@ def run(options: argparse.Namespace, report: "Report") -> None:
         "implicit midpoint, exact derivative: {midpoint_exact_us:.1f} us", midpoint_exact_us=exact
     )
     filterpy = case.filterpy_us()
-    times = {"ekf": parts["us_per_step"], "ukf": case.ukf_us(), "spv": case.spv_us()}
-    times["mhe"] = case.mhe_us()
-    times["smoother"] = times["ekf"] + case.smoother_us()
-    errors, shares = mismatch(choices), consistency(options.runs, options.steps)
+    ekf = parts["us_per_step"]
+    timed: dict[str, Callable[[], float]] = {
+        "ekf": lambda: ekf,
+        "ukf": case.ukf_us,
+        "mhe": case.mhe_us,
+        "smoother": lambda: ekf + case.smoother_us(),
+        "spv": case.spv_us,
+    }
+    times = {name: timed[name]() for name in choices}
+    errors, shares = mismatch(choices), consistency(choices, options.runs, options.steps)
     settled = convergence(choices, options.chart)
     print("\nmismatch: 8 discs, stiffer, hysteresis, against 4; settled: tip within 1 % for good")
     print("  " + _ROW.format(**_TITLES))
