@@ -45,6 +45,8 @@ def test_actuator_parameters_come_back(name):
     assert found.success and found.tests.passed
     wanted = np.array([*true.values()])
     assert np.all(np.abs(found.values - wanted) < 3 * found.sigma)  # 0.3 % of chance for each
+    # An error of the steps that may show is told, the readings' number counted.
+    assert name != "gas" or any("which may move values by up to" in note for note in found.notes)
     # The data told them: an interval well inside the way the search had to go.
     assert np.all(3 * found.sigma < np.abs(wanted - found.starts))
 
@@ -57,7 +59,9 @@ def test_intervals_of_actuators_cover_the_truth(name):
     silent = sensed(scene, *(replace(sensor, noise=1e-12) for sensor in scene.sensors))
     model = silent.build(parameters=tuple(true))
     clean = experiment_of(silent, model.discrete(0.02, sensors=silent.sensors), values=true)
-    found = dtc.identify(scene, noisy(clean, NOISE, 0), tuple(true))
+    # Steps of 20 ms, off by a fifth of the noise, move the gas's values by 1.3 deviations: the
+    # result says that they may.
+    found = dtc.identify(scene, noisy(clean, NOISE, 0), tuple(true), step_s=0.01)
     logs = (noisy(clean, NOISE, seed) for seed in range(200))
     share = covered(found.problem, np.array([*true.values()]), logs)
     assert np.all((share >= 0.9) & (share <= 0.99)), share

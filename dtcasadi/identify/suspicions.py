@@ -30,8 +30,8 @@ _NEAR = 1.5
 _CLEAR = 10.0  # model readings smaller than so many standard deviations tell nothing
 # Commands so many times the scene's are told.
 _UNUSUAL = 50.0
-# Of the error of the steps over the noise, beyond which it shows in the residuals.
-VISIBLE = 0.2
+# Standard deviations by which the error of the steps may move a value before that is told.
+MOVED = 1.0
 _MOST_STEPS = 1000
 
 
@@ -95,7 +95,8 @@ def with_step_error(found: Identified) -> Identified:
     """The result with the error of the model's steps, by a run with steps half as long.
 
     The error is that of the readings, in standard deviations of their noise, root mean square over
-    the worst channel of the first log.
+    the worst channel of the first log. All of it together, the root of the sum of squares, is the
+    most by which it can move a value in standard deviations of that value.
     """
     problem = found.problem
     robot = problem.discrete
@@ -104,16 +105,20 @@ def with_step_error(found: Identified) -> Identified:
     whole, half = (_readings(found, robot, parts) for parts in (1, 2))
     if whole is None or half is None:
         return found
-    off = np.sqrt(np.nanmean((whole - half) ** 2, axis=0)) / np.sqrt(np.diag(problem.R_v))
     # Halving the step leaves a quarter of the error of a second-order method: 4/3 of the change.
-    worst = int(np.nanargmax(off))
-    error = float(off[worst]) * 4 / 3
+    off = 4 / 3 * (whole - half) / np.sqrt(np.diag(problem.R_v))
+    read = np.isfinite(problem.data[0].y[: len(off)]) & np.isfinite(off)
+    squares = np.sum(np.where(read, off, 0.0) ** 2, axis=0)
+    sizes = np.sqrt(squares / np.maximum(np.sum(read, axis=0), 1))
+    worst = int(np.argmax(sizes))
+    error, moved = float(sizes[worst]), math.sqrt(float(np.sum(squares)))
     notes = found.notes
-    if error > VISIBLE:
+    if moved > MOVED:
         notes = (
             *notes,
             f"steps of {robot.step_s:g} s by {robot.method} are off by {error:.2g} times the noise "
-            f"of {problem.names[worst]}: a shorter step, or radau5, keeps that out of the values",
+            f"of {problem.names[worst]}, which may move values by up to {moved:.2g} of their "
+            "standard deviations: a shorter step, or radau5, keeps that out",
         )
     return replace(found, step_error=error, notes=notes)
 
