@@ -12,6 +12,7 @@ import numpy as np
 from dtcasadi import checks
 from dtcasadi.batch import batch
 from dtcasadi.bound import Bound
+from dtcasadi.compile import twin
 from dtcasadi.waist import Discrete
 
 from .augmented import layout_of, noise_of, pushed_by, start_of
@@ -161,10 +162,10 @@ class UKF:
             reading.clouds[m] = reading_cloud(len(root), m, len(y))
         cloud, given = reading.clouds[m], (seen.T, self._distance, root, y)
         change, P, (nis,), fit = cloud(*given, R)
-        raised, caution = np.zeros(len(y)), self._caution if nis <= reading.limits[used] else 0
+        raised, caution = 0.0 * y, self._caution if nis <= reading.limits[used] else 0
         for _ in range(caution):
             left_out = np.where(kept, self._read(reading, est, z + change, u) - fit, 0.0)
-            more = raised_by(left_out, np.diag(R), raised)
+            more = raised_by(left_out, R.diagonal(), raised)
             if more is None:
                 break
             raised = more
@@ -183,8 +184,12 @@ class UKF:
 
     def _read(self, reading: _Reading, est: Estimate, z: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What would be read at z, shape (n_y,)."""
-        point = z[:, np.newaxis]
-        return np.asarray(reading.many(point[: len(est.x)], u, self._thetas(est, point)))[:, 0]
+        theta, n = est.theta, len(est.x)
+        if len(self._free):
+            theta = theta.copy()
+            theta[self._free] = z[n:]
+        # Of one point, without the price of a call for many.
+        return np.asarray(reading.once(z[:n], u, theta))
 
     def _packed(self, est: Estimate) -> np.ndarray:
         return np.concatenate([est.x, est.theta[self._free]]) if len(self._free) else est.x
@@ -209,14 +214,16 @@ class UKF:
         if names not in self._readings:
             sensor = self.discrete.together(names)
             R, limits = np.array(sensor.R_v), limits_of(self._gate, sensor.n_y)
-            self._readings[names] = _Reading(self._many(sensor.output), R, limits, {})
+            once = Bound(twin(sensor.output) if self._caution else sensor.output)
+            self._readings[names] = _Reading(self._many(sensor.output), once, R, limits, {})
         return self._readings[names]
 
 
 class _Reading(NamedTuple):
-    """Readings of many points, their noise, largest nis by number, update by columns of a root."""
+    """Readings of many points, of one; noise, largest nis by number, update by columns of root."""
 
     many: Many
+    once: Bound
     R: np.ndarray
     limits: np.ndarray
     clouds: dict[int, Bound]

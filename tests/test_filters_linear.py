@@ -44,7 +44,7 @@ def make(request: pytest.FixtureRequest) -> Make:
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_the_kalman_filter_on_a_linear_model(toy, rng, kind, machine, monkeypatch):
     if machine == "virtual":
-        for module in ("ekf", "mhe", "clouds"):
+        for module in ("ekf", "mhe", "clouds", "ukf"):
             monkeypatch.setattr(f"estimators.{module}.twin", lambda plain, source=None: plain)
     Q, P0, x0 = covariance(rng, N + 2), covariance(rng, N + 2), rng.normal(size=N)
     made = KINDS[kind](toy, x0=x0, P0=P0, Q_w=Q, augment=("mass",))
