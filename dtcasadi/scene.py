@@ -98,6 +98,7 @@ the fixed root; vectors are x, y, z in the frame of the disc they belong to.
 
     [run]
     t_end, rtol * = 1e-6, atol * = 1e-8, method * = "auto", step * [s]
+    steps * = "adaptive" | "fixed"      fixed: of `step` throughout, without error control
 
     [measure] *                 what `dtcasadi bench stability` asks of a method (`Measure`)
     text                        the measure in a line for people
@@ -164,7 +165,9 @@ class Scene:
         rtol: relative tolerance of the integration.
         atol: absolute tolerance of the integration.
         method: integration method.
-        step_s: step of a fixed-step method [s]; default: the method's choice.
+        step_s: step of a fixed-step method, first one of the others [s]; default: the method's
+            choice.
+        fixed: take steps of step_s throughout, with a method that has error control too.
         measure: what the stability map asks of a method.
         beam: the tube or the rod that the robot was cut from; None: its discs were given.
         sensors: what is measured, values of `dtcasadi.sensors`.
@@ -190,6 +193,7 @@ class Scene:
     atol: float = 1e-8
     method: str = "auto"
     step_s: float | None = None
+    fixed: bool = False
     measure: Measure = Measure()
     beam: Tube | Rod | None = None
     sensors: Sensors = ()

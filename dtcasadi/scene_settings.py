@@ -108,6 +108,7 @@ def read_run(table: Table) -> dict[str, Any]:
         "rtol": table.number("rtol", default=None, positive=True),
         "atol": table.number("atol", default=None, positive=True),
         "step_s": table.number("step", TIME, default=None, positive=True),
+        "fixed": table.choice("steps", ("adaptive", "fixed"), default="adaptive") == "fixed",
         "method": table.text("method", _METHOD, _is_method_name, default=None),
     }
     if fields["rtol"] is not None and fields["rtol"] >= 1:

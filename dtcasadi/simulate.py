@@ -17,7 +17,7 @@ from .contact.stepping import TIME_STEPPING
 from .errors import ChartError, SimulationError
 from .events import Event, checked
 from .health import conditions, energy_balance, gauss_nodes, imbalance, samples_of
-from .integrators import METHODS, SYMPLECTIC, Problem, Trajectory
+from .integrators import METHODS, ONE_STEP, SYMPLECTIC, Method, Package, Problem, Trajectory
 from .model import Model
 from .ratings import warn_above_rating
 from .recentring import chart_limit, regular
@@ -46,6 +46,7 @@ def simulate(
     rtol: float | None = None,
     atol: float | None = None,
     step_s: float | None = None,
+    fixed: bool | None = None,
     force: bool = False,
     events: Event | Sequence[Event] = (),
 ) -> Run:
@@ -66,6 +67,8 @@ def simulate(
         rtol: relative tolerance of the local error; default 1e-6.
         atol: absolute tolerance; default 1e-8.
         step_s: step of a method without error control, first step of the others [s].
+        fixed: take steps of step_s throughout, whatever error control the method has; for this
+            package's one-step methods.
         force: take a step beyond the linear stability limit at the start, which is else refused.
         events: guard functions whose zeros are located; a terminal one ends the run.
 
@@ -106,9 +109,12 @@ def simulate(
     if not isinstance(name, str) or name not in METHODS:
         raise _error("method", f"one of {', '.join(METHODS)}", repr(name))
     step_s = scene.step_s if step_s is None and scene else step_s
+    fixed = (scene is not None and scene.fixed) if fixed is None else fixed
     t_end = checks.number("t_end", t_end, positive=True, error=_error)
     if rigid(model):
         name, step_s = _stepping(name, step_s)
+    if fixed and name not in ONE_STEP:
+        raise _error("method", f"one of {', '.join(ONE_STEP)} for fixed steps", repr(name))
     theta = _theta(model, theta)
     x0, held = on_constraints(model, checks.array("x0", x0, (model.n_x,), error=_error), theta)
     if held and name in SYMPLECTIC:
@@ -135,7 +141,7 @@ def simulate(
         force=force,
         events=checked(events),
     )
-    run = _run(problem, name)
+    run = _run(problem, Package(ONE_STEP[name], fixed=True) if fixed else METHODS[name])
     if held:
         run = replace(run, message=f"{run.message}; {held}")
     warn_above_rating(model.robot, run.pressure)
@@ -158,29 +164,28 @@ def _before(scene: Scene | None, model: Model) -> np.ndarray | None:
     return model.actuator.rest_command(scene.initial_pressure)
 
 
-def _run(problem: Problem, name: str) -> Run:
+def _run(problem: Problem, method: Method) -> Run:
     """Integrate; where `auto` stops at a singularity of the chart alone, in another chart."""
-    run = _integrated(problem, name)
+    run = _integrated(problem, method)
     singular = chart_limit(problem.model, run.x[:, -1])
-    if run.success or name != "auto" or not singular:
+    if run.success or method.name != "auto" or not singular:
         return run
     try:
         model, x0, theta = regular(problem.model, problem.x0, problem.theta)
     except ChartError:
         return run
-    again = _integrated(replace(problem, model=model, x0=x0, theta=theta), name)
+    again = _integrated(replace(problem, model=model, x0=x0, theta=theta), method)
     why = f"chart cardan from the start, the same physics ({singular})"
     return replace(again, choice=f"{why}; {again.choice}")
 
 
-def _integrated(problem: Problem, name: str) -> Run:
+def _integrated(problem: Problem, method: Method) -> Run:
     """Integrate and gather the run's health."""
     model, t_end = problem.model, problem.pieces[-1].t_end
-    method = METHODS[name]
     method.prepare(model)  # compiling is not integrating
     bar = tqdm(
         total=t_end,
-        desc=name,
+        desc=method.name,
         delay=_PATIENCE_S,
         leave=False,
         disable=not sys.stderr.isatty(),

@@ -1,6 +1,7 @@
 """dtcasadi.advise: the promise against `simulate`, planarity, files, what it refuses."""
 
 import json
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -142,6 +143,10 @@ def test_the_command(tmp_path, capsys):
     assert small.options["chart"] == advised["chart"] == "planar"
     assert small.options["velocity_terms"] == advised["velocity_terms"]
     assert small.step_s == advised["step_s"]
+    # It runs as advised.
+    run = dtc.simulate(small)
+    assert run.success and run.method == advised["method"]
+    assert run.steps == math.ceil(small.t_end / advised["step_s"] - 1e-9)
     # The scene's start, bent a little, and its load go along.
     assert (
         small.q0.sum() == pytest.approx(0.2) and small.robot.forces[0].disc == small.robot.n_discs

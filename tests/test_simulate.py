@@ -51,6 +51,23 @@ def test_methods_agree(method, step_s):
     assert np.max(np.abs(run.x[:, -1] - reference(2.0))) < 1e-6
 
 
+def test_fixed_steps_are_taken_by_a_method_with_error_control():
+    """Of equal size, and rodas4's error falls by 16 when they are halved."""
+    start = {"x0": seed_x0(), "pressure": 12.0, "t_end": 0.8, "method": "rodas4", "fixed": True}
+    exact = reference(0.8, dtc.Profile.constant(12.0))
+    errors = []
+    for h in (0.005, 0.0025):
+        run = dtc.simulate(seed(), **start, step_s=h)
+        assert run.steps == round(0.8 / h) and run.rejected == 0
+        errors.append(np.linalg.norm(run.x[:, -1] - exact))
+    # The fastest mode, of 300 1/s, is not yet small beside the step; order 3 would give 8.
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)
+    with pytest.raises(dtc.SimulationError, match="step_s: expected a step .* without error"):
+        dtc.simulate(seed(), **start)
+    with pytest.raises(dtc.SimulationError, match="method: expected one of .* for fixed steps"):
+        dtc.simulate(seed(), **{**start, "method": "LSODA"}, step_s=0.01)
+
+
 @pytest.mark.parametrize("pressure", [STEPS, RAMPS], ids=["steps", "ramps"])
 def test_fourth_order(pressure):
     """rk4's error falls by 16 when the step is halved, jumps and kinks included."""

@@ -40,9 +40,9 @@ def small_scene(advice: "Advice", source: str | os.PathLike[str], target: Path) 
         run = tables["run"]
         run["method"] = best.method
         run.pop("step_ms", None)
-        run["step"] = best.step_s
+        run["step"], run["steps"] = best.step_s, "fixed"
         if best.step_s is None:
-            del run["step"]
+            del run["step"], run["steps"]
     lines = [
         f"# {described(advice.best)}:",
         f"# error of the {advice.quantity} {advice.best.error:.2g} of its range of motion"

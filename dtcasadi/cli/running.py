@@ -57,6 +57,7 @@ def simulated(
         rtol=scene.rtol,
         atol=scene.atol,
         step_s=scene.step_s,
+        fixed=scene.fixed,
         force=force,
     )
     checks = time.perf_counter() - start - run.wall_time

@@ -19,6 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--t-end", metavar="S", type=float, help="duration [s]")
     parser.add_argument("--step", metavar="S", type=float, help="step of a fixed-step method [s]")
     parser.add_argument(
+        "--fixed", action="store_true", help="steps of this size, without error control"
+    )
+    parser.add_argument(
         "--force", action="store_true", help="take a step beyond the linear stability limit"
     )
     parser.add_argument("--rtol", metavar="X", type=float, help="relative tolerance")
@@ -42,6 +45,7 @@ def run(options: argparse.Namespace, report: Report) -> int | None:
         method=options.method,
         t_end=options.t_end,
         step_s=options.step,
+        fixed=options.fixed or None,
         rtol=options.rtol,
         atol=options.atol,
     )

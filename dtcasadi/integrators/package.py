@@ -108,8 +108,8 @@ class Package:
             return
         if problem.step_s is None:
             raise SimulationError(
-                f"step_s: expected a step [s] for method {self.name}, which has no error control, "
-                "got none (on the command line: --step)"
+                f"step_s: expected a step [s] for {self.name} without error control, got none (on "
+                "the command line: --step)"
             )
         if problem.force or self.method.a_stable:
             return

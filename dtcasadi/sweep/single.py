@@ -48,6 +48,7 @@ class Single:
                     rtol=scene.rtol,
                     atol=scene.atol,
                     step_s=scene.step_s,
+                    fixed=scene.fixed,
                 )
                 reason = "" if run.success else run.message
             except DtcasadiError as error:
