@@ -66,8 +66,8 @@ def test_a_window_that_moves_on_adds_up_no_bias(discrete):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
-    [EKF, UKF, MHE, *(partial(each, caution=2) for each in (EKF, MHE))],
-    ids=["ekf", "ukf", "mhe", "ekf, cautious", "mhe, cautious"],
+    [EKF, UKF, MHE, *(partial(each, caution=2) for each in (EKF, UKF, MHE))],
+    ids=["ekf", "ukf", "mhe", "ekf, cautious", "ukf, cautious", "mhe, cautious"],
 )
 def test_errors_are_as_large_as_the_covariance_says_in_100_runs(discrete, kind):
     assert share_in_band(discrete, discrete, 100, 200, kind) >= 0.90
