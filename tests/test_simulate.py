@@ -13,6 +13,7 @@ from oracles.cases import numbers
 from scipy.integrate import solve_ivp
 
 import dtcasadi as dtc
+from dtcasadi.errors import SimulationError
 
 # Jumps and kinks between the steps of any round size.
 RAMPS = dtc.Profile(np.array([0.0, 0.2971, 0.5513]), np.array([12.0, 20.0, 6.0]), "linear")
@@ -62,9 +63,9 @@ def test_fixed_steps_are_taken_by_a_method_with_error_control():
         errors.append(np.linalg.norm(run.x[:, -1] - exact))
     # The fastest mode, of 300 1/s, is not yet small beside the step; order 3 would give 8.
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)
-    with pytest.raises(dtc.SimulationError, match="step_s: expected a step .* without error"):
+    with pytest.raises(SimulationError, match="step_s: expected a step .* without error"):
         dtc.simulate(seed(), **start)
-    with pytest.raises(dtc.SimulationError, match="method: expected one of .* for fixed steps"):
+    with pytest.raises(SimulationError, match="method: expected one of .* for fixed steps"):
         dtc.simulate(seed(), **{**start, "method": "LSODA"}, step_s=0.01)
 
 

@@ -97,7 +97,7 @@ KNOWN = ", ".join(METHODS)
         ({"rtol": 0.0}, "rtol: expected a finite positive number, got 0.0"),
         ({"atol": -1e-9}, "atol: expected a finite positive number, got -1e-09"),
         ({"step_s": 0}, "step_s: expected a finite positive number, got 0"),
-        ({"method": "rk4"}, "step_s: expected a step [s] for method rk4, which has no"),
+        ({"method": "rk4"}, "step_s: expected a step [s] for rk4 without error control"),
         ({"theta": [1.0]}, "theta: expected finite numbers of shape (0), got shape (1,)"),
         ({"u": 1.0}, "expected either pressure or u, got both"),
     ],
