@@ -123,6 +123,10 @@ def _left(gaps: list[float]) -> float:
 
 def _given_discs(lab: Lab, base: Candidate, found: Planarity, tolerance: float) -> Reference:
     loose, tight = lab.path(base), lab.path(base, _TIGHTER)
+    if distance(loose.points, tight.points) > SHARE * tolerance * range_of(
+        tight.points, lab.length
+    ):
+        loose, tight = tight, lab.path(base, _TIGHTER**2)
     sizes = (base.n_discs,)
     if loose.failure or tight.failure:
         why = loose.failure or tight.failure
